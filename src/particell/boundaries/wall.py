@@ -1,0 +1,40 @@
+r"""Solid walls made of layers of fixed particles.
+
+Wall particle *j* carries the unit normal :math:`n_j` (into the fluid) and the curvature
+:math:`k_j` of the wall's surface at the point :math:`s_j = x_j + d_j n_j` nearest to it, and its
+depth :math:`d_j` below that surface. In a sum of fluid particle *i* a field with the surface value
+:math:`f_w` is extrapolated linearly through the surface,
+
+.. math:: f_j = f_w - \frac{d_j}{d_i} (f_i - f_w), \qquad f_i - f_j = (1 + d_j/d_i)(f_i - f_w),
+
+with :math:`d_i` the distance of *i* from the surface, bounded below. Without it everything near a
+wall is first order (Morris, Fox & Zhu, J. Comput. Phys. 136 (1997) 214).
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+#: Smallest distance of a fluid particle from a wall's surface in d_j/d_i, in units of its support.
+CLOSEST = 0.1
+
+
+@njit
+def surface_distance(tx, ty, tz, nx, ny, nz, curvature):
+    """Distance from a wall's surface of the point at t from the surface point with normal n.
+
+    Exact for planes (curvature 0), circles and spheres (1/radius, positive for a convex body,
+    negative for a cavity): with k the curvature, (2 n·t + k t²)/(1 + |n + k t|).
+    """
+    along = nx * tx + ny * ty + nz * tz
+    square = tx * tx + ty * ty + tz * tz
+    across = 1.0 + curvature * (2.0 * along + curvature * square)
+    return (2.0 * along + curvature * square) / (1.0 + math.sqrt(max(across, 0.0)))
+
+
+@njit
+def extrapolation(distance, depth, support):
+    """The factor 1 + d_j/d_i by which a difference to the wall's value grows."""
+    return 1.0 + depth / max(distance, CLOSEST * support)

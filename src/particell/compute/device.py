@@ -1,0 +1,112 @@
+"""Where arrays live and loops run: the CPU's threads, or a CUDA GPU.
+
+The CPU's arrays are NumPy's; on a GPU they are device arrays. The rest of the program asks its
+:class:`Device` for arrays and for compiled loops and does not know the difference.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from particell.compute.loop import Loop
+from particell.errors import InputError
+
+
+class Device:
+    """The machine that loops run on.
+
+    Parameters
+    ----------
+    backend
+        ``"cpu"`` or ``"cuda"``.
+    precision
+        ``"float64"`` or ``"float32"``, the type of particle fields.
+
+    Raises
+    ------
+    InputError
+        Where the backend is unknown or there is no usable GPU.
+    """
+
+    def __init__(self, backend: str = "cpu", precision: str = "float64"):
+        if backend not in ("cpu", "cuda"):
+            raise InputError("backend", backend, "'cpu' or 'cuda'")
+        if precision not in ("float64", "float32"):
+            raise InputError("precision", precision, "'float64' or 'float32'")
+        if backend == "cuda":
+            _require_cuda()
+        self.backend = backend
+        self.real = np.dtype(precision)
+
+    def zeros(self, shape: int | tuple[int, ...], dtype: Any = None):
+        """A new array of zeros (of the device's real type by default)."""
+        return self.array(np.zeros(shape, dtype or self.real))
+
+    def array(self, values: np.ndarray):
+        """A copy of a NumPy array on this device."""
+        if self.backend == "cpu":
+            return np.array(values)
+        from numba import cuda
+
+        return cuda.to_device(np.ascontiguousarray(values))
+
+    def to_host(self, array) -> np.ndarray:
+        """The array as NumPy's (the array itself, not a copy, on the CPU)."""
+        return array if isinstance(array, np.ndarray) else array.copy_to_host()
+
+    def write(self, array, values: np.ndarray) -> None:
+        """Overwrite a device array with values of the same shape and type."""
+        if isinstance(array, np.ndarray):
+            array[...] = values
+        else:
+            array.copy_to_device(np.ascontiguousarray(values, dtype=array.dtype))
+
+    def bind(self, loop: Loop, fields: Mapping[str, Any], **constants: Any) -> Callable[..., None]:
+        """Compile a loop and look up its arguments by name once.
+
+        Parameters
+        ----------
+        loop
+            A :func:`~particell.compute.loop.particle_loop`.
+        fields
+            Arrays and numbers by name. Parameters of the loop that are missing here are given,
+            in order, at every call.
+        **constants
+            The loop's compile-time constants.
+
+        Returns
+        -------
+        callable
+            ``f(n, *missing)``.
+        """
+        run = loop.specialise(self.backend, **constants)
+        compiled = getattr(run, "compiled", run)
+        missing = [name for name in loop.arguments if name not in fields]
+        state = {"first": True}
+        bound = [fields.get(name) for name in loop.arguments]
+        places = [k for k, name in enumerate(loop.arguments) if name not in fields]
+
+        def call(n: int, *args: Any) -> None:
+            if len(args) != len(missing):
+                raise TypeError(f"{loop.__name__} still needs {missing}")
+            for place, value in zip(places, args, strict=True):
+                bound[place] = value
+            if state["first"]:
+                state["first"] = False
+                run(n, *bound)
+            else:
+                compiled(n, *bound)
+
+        return call
+
+
+def _require_cuda() -> None:
+    try:
+        from numba import cuda
+    except ImportError:
+        raise InputError("backend", "cuda", "'cpu' (numba-cuda is missing: extra 'cuda')") from None
+    if not cuda.is_available():
+        raise InputError("backend", "cuda", "'cpu' (no CUDA GPU was found on this machine)")

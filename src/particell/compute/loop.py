@@ -1,0 +1,214 @@
+"""A loop over particles, written once as the body for particle *i*.
+
+``@particle_loop`` takes the body and makes of it, on demand, a multi-threaded CPU loop or a CUDA
+kernel. Keyword-only parameters of the body are compile-time constants (dimension, kernel, options):
+each set of values is compiled to its own machine code, in which the branches not taken are gone.
+
+>>> @particle_loop
+... def drift(i, x, v, dt, *, DIM):
+...     for d in range(DIM):
+...         x[i, d] += dt * v[i, d]
+>>> step = drift.specialise(DIM=2)          # doctest: +SKIP
+>>> step(n, x, v, dt)                       # doctest: +SKIP
+
+A body writes to row *i* only (gather, never scatter); so results do not depend on the number of
+threads. The one exception is :func:`particell.compute.scatter.scatter_add` for integers, whose sum
+does not depend on the order.
+"""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import textwrap
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numba
+from numba import njit, prange
+
+from particell.compute.cache import compiled_here
+
+#: Contraction and re-association only: ``fastmath=True`` would delete ``isfinite``.
+FASTMATH = {"contract", "reassoc", "arcp", "nsz"}
+#: Only what ``prange`` needs: the other automatic transformations double the compile time.
+PARALLEL = {
+    "prange": True,
+    "comprehension": False,
+    "reduction": False,
+    "inplace_binop": False,
+    "setitem": False,
+    "numpy": False,
+    "stencil": False,
+    "fusion": False,
+}
+THREADS_PER_BLOCK = 128
+
+
+class CompileLog:
+    """Seconds spent in the first call of each loop (compiling it, or reading it from the cache)."""
+
+    seconds: float = 0.0
+    loops: int = 0
+
+
+class Loop:
+    """The body of a loop over particles, and its compiled forms."""
+
+    def __init__(self, body: Callable[..., None]):
+        self.body = body
+        self.__doc__ = body.__doc__
+        self.__name__ = body.__name__
+        signature = inspect.signature(body)
+        kinds = inspect.Parameter
+        named = [p for p in signature.parameters.values() if p.kind != kinds.KEYWORD_ONLY]
+        self.index, *self.arguments = [p.name for p in named]
+        self.constants = [
+            p.name for p in signature.parameters.values() if p.kind == kinds.KEYWORD_ONLY
+        ]
+        self._compiled: dict[tuple, Callable[..., None]] = {}
+
+    def specialise(self, backend: str = "cpu", **constants: Any) -> Callable[..., None]:
+        """The compiled loop ``f(n, *arguments)`` for one set of compile-time constants.
+
+        Parameters
+        ----------
+        backend
+            ``"cpu"`` or ``"cuda"``.
+        **constants
+            A value for every keyword-only parameter of the body: numbers, booleans, or a
+            function compiled by Numba (which switches the disk cache off for this loop).
+        """
+        if set(constants) != set(self.constants):
+            raise TypeError(f"{self.__name__} needs constants {self.constants}, got {constants}")
+        key = (backend, *sorted(constants.items(), key=lambda item: item[0]))
+        if key not in self._compiled:
+            build = _cuda_loop if backend == "cuda" else _cpu_loop
+            self._compiled[key] = build(self, constants)
+        return self._compiled[key]
+
+    def tree(self) -> ast.FunctionDef:
+        """The body's syntax tree, without decorator and docstring."""
+        source = textwrap.dedent(inspect.getsource(self.body))
+        function = ast.parse(source).body[0]
+        assert isinstance(function, ast.FunctionDef)
+        ast.increment_lineno(function, self.body.__code__.co_firstlineno - 1)
+        first = function.body[0]
+        if isinstance(first, ast.Expr) and isinstance(first.value, ast.Constant):
+            function.body = function.body[1:]
+        return function
+
+
+def particle_loop(body: Callable[..., None]) -> Loop:
+    """Decorate the body for particle ``i`` (its first parameter); see the module's docstring."""
+    return Loop(body)
+
+
+class _ReturnToContinue(ast.NodeTransformer):
+    """``return`` ends the work on particle i: inside the loop over i that is ``continue``."""
+
+    def visit_Return(self, node: ast.Return) -> ast.AST:
+        if node.value is not None:
+            raise SyntaxError("the body of a particle loop returns nothing")
+        return ast.copy_location(ast.Continue(), node)
+
+    def visit_For(self, node: ast.For) -> ast.AST:
+        if any(isinstance(inner, ast.Return) for inner in ast.walk(node)):
+            raise SyntaxError("'return' inside an inner loop of a particle loop's body")
+        return node
+
+    visit_While = visit_For  # type: ignore[assignment]
+
+
+def _define(loop: Loop, constants: dict[str, Any], statements: list, extra: dict) -> Callable:
+    """Compile ``def loop(n, *arguments): statements`` with the constants as its globals."""
+    function = loop.tree()
+    names = ["n", *loop.arguments]
+    function.args = ast.arguments(
+        posonlyargs=[],
+        args=[ast.arg(arg=name) for name in names],
+        kwonlyargs=[],
+        kw_defaults=[],
+        defaults=[],
+    )
+    function.decorator_list, function.body, function.returns = [], statements, None
+    module = ast.fix_missing_locations(ast.Module(body=[function], type_ignores=[]))
+    code = compile(module, loop.body.__code__.co_filename, "exec")
+    scope = {**loop.body.__globals__, **extra, **constants}
+    exec(code, scope)
+    made = scope[loop.__name__]
+    tag = "_".join(f"{k}{v}" for k, v in sorted(constants.items()) if not callable(v))
+    made.__qualname__ = f"{loop.__name__}_{tag}".replace(".", "p").replace("-", "m")
+    made.__module__ = loop.body.__module__
+    return made
+
+
+def _cpu_loop(loop: Loop, constants: dict[str, Any]) -> Callable[..., None]:
+    tree = loop.tree()
+    transform = _ReturnToContinue()
+    inner = [transform.visit(statement) for statement in tree.body]
+    header = ast.parse(f"for {loop.index} in prange(n):\n    pass").body[0]
+    assert isinstance(header, ast.For)
+    header.body = inner
+    python = _define(loop, constants, [ast.copy_location(header, tree.body[0])], {"prange": prange})
+    cached = not any(callable(value) for value in constants.values())
+    with compiled_here():
+        compiled = njit(
+            parallel=PARALLEL, fastmath=FASTMATH, error_model="numpy", nogil=True, cache=cached
+        )(python)
+    return _timed_first_call(compiled)
+
+
+def _timed_first_call(compiled: Callable[..., None]) -> Callable[..., None]:
+    """Count the seconds of compilation, without a cost for later calls."""
+
+    def first(*args: Any) -> None:
+        known = len(compiled.signatures)  # type: ignore[attr-defined]
+        begin = time.perf_counter()
+        compiled(*args)
+        if len(compiled.signatures) > known:  # type: ignore[attr-defined]
+            CompileLog.seconds += time.perf_counter() - begin
+            CompileLog.loops += 1
+
+    first.compiled = compiled  # type: ignore[attr-defined]
+    return first
+
+
+def _cuda_loop(loop: Loop, constants: dict[str, Any]) -> Callable[..., None]:
+    from numba import cuda
+
+    from particell.compute.scatter import cuda_scatter_add, scatter_add
+
+    tree = loop.tree()
+    guard = ast.parse(f"{loop.index} = cuda.grid(1)\nif {loop.index} >= n:\n    return").body
+    for statement in guard:
+        ast.copy_location(statement, tree.body[0])
+    extra: dict[str, Any] = {"cuda": cuda}
+    for name, value in loop.body.__globals__.items():
+        if value is scatter_add:
+            extra[name] = cuda_scatter_add()
+    python = _define(loop, constants, [*guard, *tree.body], extra)
+    kernel = cuda.jit(python)
+
+    def launch(n: int, *args: Any) -> None:
+        if n > 0:
+            kernel[(n + THREADS_PER_BLOCK - 1) // THREADS_PER_BLOCK, THREADS_PER_BLOCK](n, *args)
+
+    return launch
+
+
+def set_threads(threads: int | None) -> int:
+    """Use ``threads`` threads (all of them if None) and return how many are in use."""
+    available = numba.config.NUMBA_NUM_THREADS
+    if threads is not None:
+        if not 1 <= threads <= available:
+            raise ValueError(f"threads = {threads} is not between 1 and {available}")
+        numba.set_num_threads(threads)
+    return numba.get_num_threads()
+
+
+def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile a serial host function (sorting, prefix sums), cached on disk like the loops."""
+    with compiled_here():
+        return njit(fastmath=FASTMATH, error_model="numpy", nogil=True, cache=True)(function)

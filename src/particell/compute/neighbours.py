@@ -1,0 +1,379 @@
+"""Cell grid and neighbour list.
+
+Particles are sorted into cells by a counting sort and kept in that order, so that neighbours are
+near in memory. Row *i* of the list holds ``list[start[i]:split[i]]``, the mobile neighbours, and
+``list[split[i]:stop[i]]``, the neighbours of kind wall, all within the pair's support plus a skin.
+Rows have a common capacity (compressed rows with slack), so that one pass fills them.
+
+The list stays valid until two particles may have come nearer than the skin. That is decided from
+*relative* displacements: the boxes that the displacements of each cell span are compared with
+those of the cells around it. Neighbours that flow together do not trigger a rebuild.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from particell.compute.device import Device
+from particell.compute.loop import Loop, compiled, particle_loop
+from particell.geometry.domain import Domain
+from particell.particles import Particles
+
+#: Part of the skin that displacements may use up; the rest covers the integrator's corrections.
+SAFETY = 0.9
+
+
+@njit
+def axis_cells(c, cells, periodic, reach):
+    """First cell and number of cells within ``reach`` of cell ``c`` along one axis."""
+    if periodic:
+        if cells <= 2 * reach + 1:
+            return 0, cells
+        return c - reach, 2 * reach + 1
+    first = max(c - reach, 0)
+    return first, min(c + reach, cells - 1) - first + 1
+
+
+@njit
+def wrap_cell(c, cells):
+    """A cell index brought back between 0 and cells - 1."""
+    if c < 0:
+        return c + cells
+    if c >= cells:
+        return c - cells
+    return c
+
+
+@particle_loop
+def assign_cells(i, x, lower, inverse_cell, cells, cell, *, DIM):
+    """The cell of particle i, row-major with the last axis fastest; outliers go to the edge."""
+    index = 0
+    for d in range(DIM):
+        c = int(math.floor((x[i, d] - lower[d]) * inverse_cell[d]))
+        c = min(max(c, 0), cells[d] - 1)
+        index = index * cells[d] + c
+    cell[i] = index
+
+
+@compiled
+def counting_sort(cell, cell_start, order):
+    """Stable order of particles by cell, and the first particle of each cell."""
+    cell_start[:] = 0
+    for i in range(len(cell)):
+        cell_start[cell[i] + 1] += 1
+    for c in range(1, len(cell_start)):
+        cell_start[c] += cell_start[c - 1]
+    for i in range(len(cell)):
+        order[cell_start[cell[i]]] = i
+        cell_start[cell[i]] += 1
+    for c in range(len(cell_start) - 1, 0, -1):
+        cell_start[c] = cell_start[c - 1]
+    cell_start[0] = 0
+
+
+@particle_loop
+def find_neighbours(
+    i,
+    x,
+    support,
+    is_wall,
+    cell,
+    cell_start,
+    cells,
+    periodic,
+    period,
+    inverse_period,
+    skin,
+    capacity,
+    start,
+    split,
+    stop,
+    neighbours,
+    found,
+    *,
+    DIM,
+    UNIFORM,
+    WALLS,
+):
+    """Fill row i of the list; ``found[i]`` may exceed the capacity, then the row is not whole."""
+    c = cell[i]
+    iz = c % cells[DIM - 1]
+    c //= cells[DIM - 1]
+    iy = 0
+    ix = 0
+    if DIM == 3:
+        iy = c % cells[1]
+        ix = c // cells[1]
+    if DIM == 2:
+        iy = c
+    first_x, number_x = 0, 1
+    first_y, number_y = 0, 1
+    if DIM == 3:
+        first_x, number_x = axis_cells(ix, cells[0], periodic[0], 1)
+    if DIM >= 2:
+        first_y, number_y = axis_cells(iy, cells[DIM - 2], periodic[DIM - 2], 1)
+    last = cells[DIM - 1]
+    first_z, number_z = axis_cells(iz, last, periodic[DIM - 1], 1)
+    begin = i * capacity
+    k = begin
+    limit = begin + capacity - 1
+    walls = 0
+    xi = x[i, 0]
+    yi = x[i, 1] if DIM > 1 else 0.0
+    zi = x[i, 2] if DIM > 2 else 0.0
+    reach = support[i] + skin
+    start[i] = begin
+    for segment in range(2 if WALLS else 1):
+        if segment == 1 and walls == 0:
+            continue
+        for ox in range(number_x):
+            cx = wrap_cell(first_x + ox, cells[0]) if DIM == 3 else 0
+            for oy in range(number_y):
+                cy = wrap_cell(first_y + oy, cells[DIM - 2]) if DIM >= 2 else 0
+                row = 0
+                if DIM == 2:
+                    row = cy * last
+                if DIM == 3:
+                    row = (cx * cells[1] + cy) * last
+                # the cells along the last axis are one run of particles, two if it wraps around
+                for run in range(2):
+                    low = max(first_z, 0)
+                    high = min(first_z + number_z, last)
+                    if run == 1:
+                        low = 0
+                        high = 0
+                        if first_z < 0:
+                            low = first_z + last
+                            high = last
+                        if first_z + number_z > last:
+                            high = first_z + number_z - last
+                    for j in range(cell_start[row + low], cell_start[row + high]):
+                        dx = xi - x[j, 0]
+                        dx -= period[0] * np.rint(dx * inverse_period[0])
+                        r2 = dx * dx
+                        if DIM > 1:
+                            dy = yi - x[j, 1]
+                            dy -= period[1] * np.rint(dy * inverse_period[1])
+                            r2 += dy * dy
+                        if DIM > 2:
+                            dz = zi - x[j, 2]
+                            dz -= period[2] * np.rint(dz * inverse_period[2])
+                            r2 += dz * dz
+                        if not UNIFORM:
+                            reach = 0.5 * (support[i] + support[j]) + skin
+                        near = (r2 < reach * reach) & (j != i)
+                        if WALLS:
+                            wall = is_wall[j] != 0
+                            walls += near & wall & (segment == 0)
+                            near = near & (wall == (segment == 1))
+                        neighbours[min(k, limit)] = j
+                        k += near
+        if segment == 0:
+            split[i] = min(k, limit)
+    stop[i] = min(k, limit)
+    if not WALLS or walls == 0:
+        split[i] = stop[i]
+    found[i] = k - begin
+
+
+@particle_loop
+def displacement_boxes(c, x, v, dt, x_built, cell_start, low, high, largest, *, DIM):
+    """The box spanned by displacements x + dt v - x_built in cell c, and the largest squared."""
+    biggest = 0.0
+    for d in range(DIM):
+        low[c, d] = 1e300
+        high[c, d] = -1e300
+    for i in range(cell_start[c], cell_start[c + 1]):
+        square = 0.0
+        for d in range(DIM):
+            s = x[i, d] + dt * v[i, d] - x_built[i, d]
+            square += s * s
+            low[c, d] = min(low[c, d], s)
+            high[c, d] = max(high[c, d], s)
+        biggest = max(biggest, square)
+    largest[c] = biggest
+
+
+@particle_loop
+def relative_displacements(c, low, high, cells, periodic, relative, *, DIM):
+    """Largest squared relative displacement between cell c and the cells within two of it."""
+    iz = c % cells[DIM - 1]
+    rest = c // cells[DIM - 1]
+    iy = rest % cells[DIM - 2] if DIM >= 2 else 0
+    ix = rest // cells[1] if DIM == 3 else 0
+    first_x, number_x = 0, 1
+    first_y, number_y = 0, 1
+    if DIM == 3:
+        first_x, number_x = axis_cells(ix, cells[0], periodic[0], 2)
+    if DIM >= 2:
+        first_y, number_y = axis_cells(iy, cells[DIM - 2], periodic[DIM - 2], 2)
+    last = cells[DIM - 1]
+    first_z, number_z = axis_cells(iz, last, periodic[DIM - 1], 2)
+    worst = 0.0
+    for ox in range(number_x):
+        cx = wrap_cell(first_x + ox, cells[0]) if DIM == 3 else 0
+        for oy in range(number_y):
+            cy = wrap_cell(first_y + oy, cells[DIM - 2]) if DIM >= 2 else 0
+            for oz in range(number_z):
+                other = wrap_cell(first_z + oz, last)
+                if DIM == 2:
+                    other += cy * last
+                if DIM == 3:
+                    other += (cx * cells[1] + cy) * last
+                square = 0.0
+                for d in range(DIM):
+                    s = max(high[c, d] - low[other, d], high[other, d] - low[c, d])
+                    s = max(s, 0.0)
+                    square += s * s
+                worst = max(worst, square)
+    relative[c] = worst
+
+
+@particle_loop
+def wrap_positions(i, x, image, lower, period, inverse_period, *, DIM):
+    """Bring x back between lower and lower + period on periodic axes; ``image`` counts turns."""
+    for d in range(DIM):
+        turns = math.floor((x[i, d] - lower[d]) * inverse_period[d])
+        x[i, d] -= turns * period[d]
+        image[i, d] += int(turns)
+
+
+@particle_loop
+def copy_rows(i, source, target, *, DIM):
+    """target[i] = source[i]."""
+    for d in range(DIM):
+        target[i, d] = source[i, d]
+
+
+class NeighbourList:
+    """Neighbours of all particles of a set, kept valid while the particles move.
+
+    Parameters
+    ----------
+    device
+        Where loops run.
+    domain
+        The simulated box.
+    support
+        Largest support of a particle, in m.
+    skin
+        What is added to the support, in m.
+    lower, upper
+        The region that holds all particles (walls stand outside the domain).
+
+    Attributes
+    ----------
+    start, split, stop
+        int64 arrays (n,): row i is ``neighbours[start[i]:stop[i]]``; walls begin at ``split[i]``.
+    neighbours
+        int32 array.
+    builds
+        How often the list was built.
+    """
+
+    def __init__(
+        self,
+        device: Device,
+        domain: Domain,
+        particles: int,
+        support: float,
+        skin: float,
+        lower: np.ndarray,
+        upper: np.ndarray,
+        uniform: bool,
+        walls: bool,
+    ):
+        self.device, self.domain, self.skin, self.support = device, domain, skin, support
+        dim, n = domain.dim, particles
+        self.constants = {"DIM": dim, "UNIFORM": bool(uniform), "WALLS": bool(walls)}
+        width = support + skin
+        lengths = upper - lower
+        cells = np.maximum(1, np.floor(lengths / width)).astype(np.int64)
+        while np.prod(cells.astype(float)) > 4 * n + 64:  # sparse domain: larger cells
+            cells = np.maximum(1, cells // 2)
+        self.n, self.number_of_cells = n, int(np.prod(cells))
+        self.cell_width = float((lengths / cells)[cells > 1].min(initial=np.inf))
+        reals, array = device.zeros, device.array
+        self.fields = {
+            "lower": array(lower),
+            "inverse_cell": array(cells / lengths),
+            "cells": array(cells),
+            "periodic": array(domain.periodic),
+            "period": array(domain.lengths),
+            "inverse_period": array(domain.inverse_periods),
+            "cell": device.zeros(n, np.int32),
+            "cell_start": device.zeros(self.number_of_cells + 1, np.int64),
+            "start": device.zeros(n, np.int64),
+            "split": device.zeros(n, np.int64),
+            "stop": device.zeros(n, np.int64),
+            "found": device.zeros(n, np.int64),
+            "x_built": reals((n, dim)),
+            "low": reals((self.number_of_cells, dim), np.float64),
+            "high": reals((self.number_of_cells, dim), np.float64),
+            "largest": reals(self.number_of_cells, np.float64),
+            "relative": reals(self.number_of_cells, np.float64),
+        }
+        self.order = np.zeros(n, np.int64)
+        self.capacity = 0
+        self.builds = 0
+
+    def __getattr__(self, name: str):
+        try:
+            return self.__dict__["fields"][name]
+        except KeyError:
+            raise AttributeError(name) from None
+
+    def build(self, particles: Particles) -> None:
+        """Wrap positions into the domain, sort all fields into cell order and fill the rows."""
+        backend, dim, n = self.device.backend, self.constants["DIM"], self.n
+        f = {**self.fields, **particles.fields}
+        self._loop(wrap_positions, f, n, DIM=dim)
+        self._loop(assign_cells, f, n, DIM=dim)
+        cell_start = np.zeros(self.number_of_cells + 1, np.int64)
+        counting_sort(self.device.to_host(self.cell), cell_start, self.order)
+        self.device.write(self.cell_start, cell_start)
+        particles.permute(self.order)
+        self._loop(assign_cells, f, n, DIM=dim)
+        if self.capacity == 0:
+            self._reserve(32)
+        while not self._fill(particles):
+            pass
+        copy = copy_rows.specialise(backend, DIM=dim)
+        copy(n, particles["x"], self.x_built)
+        self.builds += 1
+
+    def needs_build(self, x, v, dt: float) -> bool:
+        """Whether a pair outside the list may be within its support after a move by ``dt v``."""
+        f = {**self.fields, "x": x, "v": v, "dt": dt}
+        cells, dim = self.number_of_cells, self.constants["DIM"]
+        self._loop(displacement_boxes, f, cells, DIM=dim)
+        largest = math.sqrt(float(self.device.to_host(self.largest).max()))
+        if not largest < math.inf:
+            return True
+        allowed = SAFETY * self.skin
+        if 2 * largest <= allowed:
+            return False
+        if largest > self.cell_width - 0.5 * self.support:
+            return True
+        self._loop(relative_displacements, f, cells, DIM=dim)
+        return float(self.device.to_host(self.relative).max()) > allowed**2
+
+    def _loop(self, loop: Loop, fields: dict, n: int, **constants) -> None:
+        run = loop.specialise(self.device.backend, **constants)
+        run(n, *(fields[name] for name in loop.arguments))
+
+    def _reserve(self, capacity: int) -> None:
+        self.capacity = capacity
+        self.fields["neighbours"] = self.device.zeros(self.n * capacity + 1, np.int32)
+
+    def _fill(self, particles: Particles) -> bool:
+        f = {**self.fields, **particles.fields, "skin": self.skin, "capacity": self.capacity}
+        self._loop(find_neighbours, f, self.n, **self.constants)
+        needed = int(self.device.to_host(self.found).max(initial=0)) + 1
+        if needed <= self.capacity:
+            return True
+        self._reserve(int(needed * 1.15) + 4)
+        return False

@@ -1,0 +1,58 @@
+"""What can go wrong, by whose fault: wrong input (exit status 2) or a run that broke (3)."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class ParticellError(Exception):
+    """Base class of all errors that Particell raises on purpose."""
+
+
+class InputError(ParticellError, ValueError):
+    """The input is wrong: what, where, and what is allowed, in one line.
+
+    Parameters
+    ----------
+    key
+        Name of the parameter.
+    value
+        The value that was refused.
+    allowed
+        What is allowed instead, as a phrase.
+    """
+
+    def __init__(self, key: str, value: object, allowed: str):
+        self.key, self.value, self.allowed = key, value, allowed
+        super().__init__(f"{key} = {value!r} is not allowed: it must be {allowed}")
+
+
+def unknown_name(what: str, name: str, known: Iterable[str]) -> InputError:
+    """The error for a name that does not exist, with the nearest right one."""
+    names = sorted(known)
+    near = difflib.get_close_matches(name, names, n=1)
+    hint = f"did you mean '{near[0]}'? " if near else ""
+    return InputError(what, name, f"one of {', '.join(names)}" + (f" ({hint.strip()})" if near else ""))
+
+
+class RunError(ParticellError, RuntimeError):
+    """The run broke: names step, time, particle and field.
+
+    Parameters
+    ----------
+    message
+        What happened.
+    step, time
+        When.
+    field
+        The field concerned.
+    particle
+        The persistent id of the first particle concerned.
+    """
+
+    def __init__(self, message: str, *, step: int, time: float, field: str, particle: int):
+        self.step, self.time, self.field, self.particle = step, time, field, particle
+        super().__init__(
+            f"{message}: field '{field}' of particle {particle} at step {step}, t = {time:.6g} s"
+        )

@@ -1,0 +1,83 @@
+"""The region of space that is simulated: a box, periodic on the axes one chooses."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from particell.errors import InputError
+
+AXES = "xyz"
+
+
+class Domain:
+    """A box in 1, 2 or 3 dimensions.
+
+    Parameters
+    ----------
+    lower, upper
+        Corners, in m, one number per dimension.
+    periodic
+        The periodic axes as letters, for example ``"x"`` or ``"xy"``; none by default.
+    depth
+        Extent in m of the missing dimensions of a 1D or 2D domain (of the plane's thickness, or of
+        the line's cross-section per dimension missing). Masses, molecule numbers and k_B T/m need
+        it. Default: chosen by the simulation as one particle spacing.
+
+    Raises
+    ------
+    InputError
+        Where the corners do not make a box, or an axis does not exist.
+    """
+
+    def __init__(
+        self,
+        lower: Sequence[float],
+        upper: Sequence[float],
+        periodic: str = "",
+        depth: float | None = None,
+    ):
+        self.lower = np.array(lower, dtype=float)
+        self.upper = np.array(upper, dtype=float)
+        if self.lower.ndim != 1 or self.lower.shape != self.upper.shape:
+            raise InputError("upper", upper, "as many numbers as 'lower'")
+        if not 1 <= len(self.lower) <= 3:
+            raise InputError("lower", lower, "1, 2 or 3 numbers")
+        if not (np.all(np.isfinite(self.lower)) and np.all(np.isfinite(self.upper))):
+            raise InputError("lower, upper", (lower, upper), "finite")
+        if np.any(self.upper <= self.lower):
+            raise InputError("upper", upper, f"greater than 'lower' = {list(self.lower)}")
+        axes = AXES[: self.dim]
+        if any(axis not in axes for axis in periodic):
+            raise InputError("periodic", periodic, f"some of the letters '{axes}'")
+        if depth is not None and not depth > 0:
+            raise InputError("depth", depth, "positive")
+        self.periodic = np.array([axis in periodic for axis in axes])
+        self.depth = depth
+
+    @property
+    def dim(self) -> int:
+        """Number of dimensions."""
+        return len(self.lower)
+
+    @property
+    def lengths(self) -> np.ndarray:
+        """Edge lengths in m, shape (dim,)."""
+        return self.upper - self.lower
+
+    @property
+    def inverse_periods(self) -> np.ndarray:
+        """1/length on periodic axes and 0 elsewhere: the factor of the minimum-image rule."""
+        return np.where(self.periodic, 1.0 / self.lengths, 0.0)
+
+    @property
+    def volume(self) -> float:
+        """Product of the edge lengths, in m^dim."""
+        return float(np.prod(self.lengths))
+
+    def __repr__(self) -> str:
+        axes = "".join(a for a, p in zip(AXES, self.periodic, strict=False) if p)
+        return (
+            f"Domain(lower={self.lower.tolist()}, upper={self.upper.tolist()}, periodic={axes!r})"
+        )

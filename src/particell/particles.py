@@ -1,0 +1,157 @@
+"""A set of particles: named fields, one array each, all materials in one set.
+
+Every particle belongs to a *group* (fluid, wall, membrane, …). Whatever differs between groups,
+such as material, diffusivities or reactions, is a small table indexed by the particle's group.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from particell.compute.device import Device
+from particell.compute.loop import particle_loop
+from particell.errors import unknown_name
+
+# Kinds of group: what the particles do in the equations of motion.
+FLUID, WALL = 0, 1
+KINDS = {"fluid": FLUID, "wall": WALL}
+
+
+@dataclass(frozen=True)
+class Group:
+    """What particles of one name have in common.
+
+    Attributes
+    ----------
+    name
+        Unique name.
+    kind
+        ``"fluid"`` (moved by forces) or ``"wall"`` (fixed, or moved as prescribed).
+    material
+        Index into the simulation's materials.
+    """
+
+    name: str
+    kind: str
+    material: int
+
+
+@particle_loop
+def gather_rows(i, source, order, target, *, COLUMNS):
+    """target[i] = source[order[i]] for arrays of shape (n, COLUMNS)."""
+    for c in range(COLUMNS):
+        target[i, c] = source[order[i], c]
+
+
+@particle_loop
+def copy_back(i, source, target, *, COLUMNS):
+    """target[i] = source[i] for arrays of shape (n, COLUMNS)."""
+    for c in range(COLUMNS):
+        target[i, c] = source[i, c]
+
+
+class Particles:
+    """Named fields of n particles, as a structure of arrays.
+
+    Parameters
+    ----------
+    device
+        Where the arrays live.
+    n
+        Number of particles.
+    dim
+        Number of dimensions.
+    groups
+        The groups, in the order of the field ``group``.
+
+    Notes
+    -----
+    Rows are kept in cell order and change places; ``id`` is persistent. :meth:`host` returns
+    fields in memory order, :meth:`by_id` in the order of ids.
+    """
+
+    def __init__(self, device: Device, n: int, dim: int, groups: list[Group]):
+        self.device, self.n, self.dim, self.groups = device, n, dim, groups
+        self.fields: dict[str, object] = {}
+        self._scratch: dict[tuple, object] = {}
+        self._order = device.zeros(n, np.int64)
+        self.add("id", dtype=np.int64, values=np.arange(n))
+        self.add("group", dtype=np.int32)
+        self.add("is_wall", dtype=np.uint8)
+        self.add("image", dim, np.int32)
+        for name in ("x", "v", "a"):
+            self.add(name, dim)
+        for name in ("mass", "density", "pressure", "support"):
+            self.add(name)
+
+    def add(self, name: str, components: int = 0, dtype=None, values=None) -> None:
+        """Add a field of shape (n,) or, with components, (n, components)."""
+        if name in self.fields:
+            raise ValueError(f"field '{name}' exists already")
+        shape = (self.n, components) if components else (self.n,)
+        kind = np.dtype(dtype) if dtype else self.device.real
+        host = np.zeros(shape, kind)
+        if values is not None:
+            host[...] = values
+        self.fields[name] = self.device.array(host)
+
+    def __getitem__(self, name: str):
+        if name not in self.fields:
+            raise unknown_name("field", name, self.fields)
+        return self.fields[name]
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.fields
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.fields)
+
+    def __len__(self) -> int:
+        return self.n
+
+    def __repr__(self) -> str:
+        sizes = np.bincount(self.host("group"), minlength=len(self.groups))
+        parts = ", ".join(f"{g.name}: {k}" for g, k in zip(self.groups, sizes, strict=True))
+        return f"Particles({self.n} in {self.dim}D; {parts})"
+
+    def host(self, name: str) -> np.ndarray:
+        """A field as a NumPy array, in memory order."""
+        return self.device.to_host(self[name])
+
+    def by_id(self, name: str) -> np.ndarray:
+        """A field as a new NumPy array, in the order of persistent ids."""
+        values = self.host(name)
+        ordered = np.empty_like(values)
+        ordered[self.host("id")] = values
+        return ordered
+
+    def set(self, name: str, values: np.ndarray) -> None:
+        """Overwrite a field, given in memory order."""
+        host = np.empty(self[name].shape, self[name].dtype)
+        host[...] = values
+        self.device.write(self[name], host)
+
+    def select(self, group: str) -> np.ndarray:
+        """Boolean mask (n,), in memory order, of the particles of a group."""
+        names = [g.name for g in self.groups]
+        if group not in names:
+            raise unknown_name("group", group, names)
+        return self.host("group") == names.index(group)
+
+    def permute(self, order: np.ndarray) -> None:
+        """Put row ``order[k]`` of every field in place k."""
+        self.device.write(self._order, order)
+        for array in self.fields.values():
+            rows = array.reshape(self.n, -1)  # type: ignore[attr-defined]
+            columns = rows.shape[1]
+            key = (columns, rows.dtype)
+            if key not in self._scratch:
+                self._scratch[key] = self.device.zeros((self.n, columns), rows.dtype)
+            scratch = self._scratch[key]
+            backend = self.device.backend
+            gather = gather_rows.specialise(backend, COLUMNS=columns)
+            gather(self.n, rows, self._order, scratch)
+            copy_back.specialise(backend, COLUMNS=columns)(self.n, scratch, rows)

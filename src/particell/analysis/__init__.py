@@ -1,0 +1,29 @@
+"""What the particles tell: fields on lines and grids, errors, moments, temperatures, rates."""
+
+from particell.analysis.fields import grid, interpolate, line
+from particell.analysis.statistics import (
+    ChiSquare,
+    Decay,
+    Moments,
+    decay_rate,
+    epsilon_error,
+    kinetic_temperature,
+    maxwellian_test,
+    moments,
+    relative_l2,
+)
+
+__all__ = [
+    "ChiSquare",
+    "Decay",
+    "Moments",
+    "decay_rate",
+    "epsilon_error",
+    "grid",
+    "interpolate",
+    "kinetic_temperature",
+    "line",
+    "maxwellian_test",
+    "moments",
+    "relative_l2",
+]

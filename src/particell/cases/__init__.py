@@ -1,0 +1,51 @@
+"""The gallery: every built-in case, by name.
+
+The table names modules without importing them, so that listing the cases takes no time. A new
+case is a module with a :class:`~particell.cases.base.Case` and one line here.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING
+
+from particell.errors import unknown_name
+
+if TYPE_CHECKING:
+    from particell.cases.base import Case
+
+# name: (module and class, what it is in one line)
+CASES: dict[str, tuple[str, str]] = {}
+
+
+def names() -> list[str]:
+    """Names of all built-in cases."""
+    return list(CASES)
+
+
+def title(name: str) -> str:
+    """What a case is, in one line."""
+    return _entry(name)[1]
+
+
+def load(name: str) -> type[Case]:
+    """The class of a case.
+
+    Raises
+    ------
+    InputError
+        Where there is no such case.
+    """
+    return load_class(_entry(name)[0])
+
+
+def load_class(reference: str) -> type[Case]:
+    """The class that ``"module:Class"`` refers to."""
+    module, _, attribute = reference.partition(":")
+    return getattr(importlib.import_module(module), attribute)
+
+
+def _entry(name: str) -> tuple[str, str]:
+    if name not in CASES:
+        raise unknown_name("case", name, CASES)
+    return CASES[name]

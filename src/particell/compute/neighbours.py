@@ -47,6 +47,12 @@ def wrap_cell(c, cells):
     return c
 
 
+@njit
+def wraps_around(first, number, cells, periodic):
+    """Whether a range of cells along one axis reaches across a periodic face."""
+    return periodic and (first < 0 or first + number > cells or number == cells)
+
+
 @particle_loop
 def assign_cells(i, x, lower, inverse_cell, cells, cell, *, DIM):
     """The cell of particle i, row-major with the last axis fastest; outliers go to the edge."""
@@ -93,6 +99,7 @@ def find_neighbours(
     stop,
     neighbours,
     found,
+    crosses,
     *,
     DIM,
     UNIFORM,
@@ -117,6 +124,11 @@ def find_neighbours(
         first_y, number_y = axis_cells(iy, cells[DIM - 2], periodic[DIM - 2], 1)
     last = cells[DIM - 1]
     first_z, number_z = axis_cells(iz, last, periodic[DIM - 1], 1)
+    crosses[i] = (
+        wraps_around(first_z, number_z, last, periodic[DIM - 1])
+        or (DIM >= 2 and wraps_around(first_y, number_y, cells[DIM - 2], periodic[DIM - 2]))
+        or (DIM == 3 and wraps_around(first_x, number_x, cells[0], periodic[0]))
+    )
     begin = i * capacity
     k = begin
     limit = begin + capacity - 1
@@ -269,7 +281,10 @@ class NeighbourList:
     start, split, stop
         int64 arrays (n,): row i is ``neighbours[start[i]:stop[i]]``; walls begin at ``split[i]``.
     neighbours
-        int32 array.
+        uint32 array (an unsigned index spares the test for negative ones).
+    crosses
+        uint8 array (n,): whether row i may hold pairs across a periodic face, for which the
+        minimum image has to be taken.
     builds
         How often the list was built.
     """
@@ -310,6 +325,7 @@ class NeighbourList:
             "split": device.zeros(n, np.int64),
             "stop": device.zeros(n, np.int64),
             "found": device.zeros(n, np.int64),
+            "crosses": device.zeros(n, np.uint8),
             "x_built": reals((n, dim)),
             "low": reals((self.number_of_cells, dim), np.float64),
             "high": reals((self.number_of_cells, dim), np.float64),
@@ -367,7 +383,7 @@ class NeighbourList:
 
     def _reserve(self, capacity: int) -> None:
         self.capacity = capacity
-        self.fields["neighbours"] = self.device.zeros(self.n * capacity + 1, np.int32)
+        self.fields["neighbours"] = self.device.zeros(self.n * capacity + 1, np.uint32)
 
     def _fill(self, particles: Particles) -> bool:
         f = {**self.fields, **particles.fields, "skin": self.skin, "capacity": self.capacity}

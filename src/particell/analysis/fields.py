@@ -1,0 +1,188 @@
+r"""Fields carried by particles, evaluated anywhere: kernel interpolation, exact where it matters.
+
+With the weights :math:`w_j = V_j W(|x - x_j|, h_j)`, order 0 is Shepard's mean
+
+.. math:: A(x) = \sum_j w_j A_j / \sum_j w_j,
+
+and order 1 the value at :math:`x` of the linear function that fits the :math:`A_j` best in the
+sense of the same weights (moving least squares), which reproduces every linear field exactly,
+at walls and surfaces too.
+
+References
+----------
+Shepard, Proc. 23rd ACM Nat. Conf. (1968) 517; Lancaster & Salkauskas, Math. Comput. 37 (1981) 141.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from particell.errors import InputError
+from particell.geometry.domain import Domain
+from particell.kernels import kernel_code
+
+# Points treated at once: bounds the memory for pairs.
+_BLOCK = 20_000
+# Below this reciprocal condition number the fit is not determined: too few particles in reach.
+_SINGULAR = 1e-8
+
+
+def line(start: Sequence[float], end: Sequence[float], points: int) -> np.ndarray:
+    """Equally spaced points from ``start`` to ``end``, both included, (points, D)."""
+    return np.linspace(np.asarray(start, float), np.asarray(end, float), points)
+
+
+def grid(domain: Domain, shape: int | Sequence[int]) -> np.ndarray:
+    """Centres of a regular grid of cells that fills a domain, (nx, ny, …, D)."""
+    counts = [shape] * domain.dim if isinstance(shape, int) else list(shape)
+    if len(counts) != domain.dim or min(counts) < 1:
+        raise InputError("shape", shape, f"a positive number, or {domain.dim} of them")
+    axes = [
+        low + (np.arange(n) + 0.5) * length / n
+        for low, length, n in zip(domain.lower, domain.lengths, counts, strict=True)
+    ]
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+
+
+def interpolate(
+    points: np.ndarray,
+    position: np.ndarray,
+    values: np.ndarray,
+    *,
+    volume: np.ndarray,
+    support: float | np.ndarray,
+    domain: Domain,
+    kernel: str = "wendland-c2",
+    order: int = 1,
+) -> np.ndarray:
+    """Interpolate values carried by particles.
+
+    Parameters
+    ----------
+    points
+        Where, (m, D), in m.
+    position
+        Of the particles, (n, D), in m.
+    values
+        Of the particles, (n,) or (n, …).
+    volume
+        Of the particles, (n,), in any unit: only ratios matter.
+    support
+        Support of the kernel in m, one number or (n,).
+    domain
+        The box; distances are the shortest ones over its periodic axes.
+    kernel
+        Name of a kernel.
+    order
+        0: exact on constants; 1: exact on linear fields (and order 0 where fewer particles than
+        it takes are in reach).
+
+    Returns
+    -------
+    numpy.ndarray
+        (m,) or (m, …); NaN where no particle is in reach.
+
+    Raises
+    ------
+    InputError
+        Where the order or the kernel does not exist, or the shapes do not fit.
+    """
+    from scipy.spatial import cKDTree
+
+    if order not in (0, 1):
+        raise InputError("order", order, "0 or 1")
+    code = kernel_code(kernel)
+    points = np.atleast_2d(np.asarray(points, float))
+    if points.ndim != 2 or points.shape[1] != domain.dim:
+        raise InputError("points", points.shape, f"an array of shape (m, {domain.dim})")
+    values = np.asarray(values, float)
+    reach = np.broadcast_to(np.asarray(support, float), len(position))
+    if not np.all(reach > 0):
+        raise InputError("support", support, "positive")
+    periods = np.where(domain.periodic, domain.lengths, 0.0)  # cKDTree: 0 is not periodic
+    result = np.full((len(points), *values.shape[1:]), np.nan)
+    if not len(position):
+        return result
+    tree = cKDTree(_wrapped(position, domain), boxsize=periods)
+    for start in range(0, len(points), _BLOCK):
+        block = slice(start, start + _BLOCK)
+        targets = _wrapped(points[block], domain)
+        pairs = cKDTree(targets, boxsize=periods).sparse_distance_matrix(
+            tree, float(reach.max()), output_type="ndarray"
+        )
+        i, j = pairs["i"], pairs["j"]
+        q = pairs["v"] / reach[j]
+        inside = q < 1.0
+        i, j, q = i[inside], j[inside], q[inside]
+        weight = volume[j] * _shape(q, code) / reach[j] ** domain.dim
+        offset = tree.data[j] - targets[i]
+        offset -= periods * np.rint(offset * domain.inverse_periods)
+        result[block] = _fit(len(targets), i, weight, offset / reach.max(), values[j], order)
+    return result
+
+
+def _wrapped(position: np.ndarray, domain: Domain) -> np.ndarray:
+    """Positions with those on periodic axes brought into [0, length)."""
+    x = np.array(position, float) - domain.lower
+    for a in np.flatnonzero(domain.periodic):
+        length = domain.lengths[a]
+        x[:, a] %= length
+        x[x[:, a] >= length, a] = 0.0  # the remainder of a tiny negative number rounds up
+    return x
+
+
+def _shape(q: np.ndarray, code: int) -> np.ndarray:
+    """The kernel's shape for an array of q = r/h."""
+    from numba import njit
+
+    from particell.kernels import shape_w
+
+    if "all" not in _compiled:
+
+        @njit
+        def evaluate(q, w, KERNEL):
+            for k in range(len(q)):
+                w[k] = shape_w(q[k], KERNEL)
+
+        _compiled["all"] = evaluate
+    w = np.empty_like(q)
+    _compiled["all"](q, w, code)
+    return w
+
+
+_compiled: dict = {}
+
+
+def _fit(
+    n: int, i: np.ndarray, weight: np.ndarray, offset: np.ndarray, values: np.ndarray, order: int
+) -> np.ndarray:
+    """Weighted fit of a constant or a linear function at n points, evaluated there."""
+
+    def total(per_pair: np.ndarray) -> np.ndarray:
+        columns = per_pair.reshape(len(i), -1).T
+        sums = np.stack([np.bincount(i, weights=c, minlength=n) for c in columns], axis=-1)
+        return sums.reshape((n, *per_pair.shape[1:]))
+
+    weights = total(weight)
+    found = weights > 0
+    weight = weight / np.where(found, weights, 1.0)[i]
+    flat = values.reshape(len(i), -1)
+    mean = total(weight[:, None] * flat)
+    mean[~found] = np.nan
+    if order == 1:
+        basis = np.column_stack([np.ones(len(i)), offset])
+        moments = total(weight[:, None, None] * basis[:, :, None] * basis[:, None, :])
+        # The moments scale as 1, r, r^2: compare them as a correlation does.
+        scale = np.sqrt(np.maximum(np.einsum("nkk->nk", moments), 1e-300))
+        balanced = moments / (scale[:, :, None] * scale[:, None, :])
+        smallest = np.linalg.eigvalsh(np.where(found[:, None, None], balanced, 0.0))[:, 0]
+        solvable = found & (smallest > _SINGULAR)
+        # The deviation from the mean, so that a constant comes out to the last bit.
+        deviation = flat - mean[i]
+        right = total(weight[:, None, None] * basis[:, :, None] * deviation[:, None, :])
+        right = right / scale[:, :, None]
+        solution = np.linalg.solve(balanced[solvable], right[solvable])
+        mean[solvable] += solution[:, 0] / scale[solvable, 0, None]
+    return mean.reshape((n, *values.shape[1:]))

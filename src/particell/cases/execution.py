@@ -1,0 +1,250 @@
+"""Running a case in a directory, going on with it, and drawing its figures again."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from particell import cases
+from particell.cases.base import Case, Context, Metric
+from particell.errors import InputError, unknown_name
+from particell.output.checkpoint import read_checkpoint
+from particell.output.files import read_json, reason, write_json
+from particell.output.run import CHECKPOINT, SUMMARY, TRAJECTORY, Run
+from particell.output.summary import write_summary
+
+if TYPE_CHECKING:
+    from particell.simulation import Simulation
+
+CASE = "case.json"
+OWN_FILES = (TRAJECTORY, CHECKPOINT, SUMMARY, CASE)
+
+
+def execute(
+    case: Case,
+    out: str | Path,
+    seed: int = 1,
+    threads: int | None = None,
+    backend: str = "cpu",
+    precision: str = "float64",
+    progress: bool = True,
+    overwrite: bool = False,
+) -> int:
+    """Run a case and leave trajectory, checkpoint, figures and summary in a directory.
+
+    Parameters
+    ----------
+    case
+        The case with its parameters.
+    out
+        The directory; it must be new or empty unless ``overwrite``.
+    seed, threads, backend, precision
+        As for :class:`~particell.cases.base.Context`.
+    progress
+        Whether to show a progress bar.
+    overwrite
+        Whether to replace what an earlier run left in the directory.
+
+    Returns
+    -------
+    int
+        0 where every metric is within its limit, 1 where one is not.
+
+    Raises
+    ------
+    InputError
+        Before anything runs, where the input is wrong.
+    RunError
+        Where the run broke; the directory holds the last good checkpoint.
+    """
+    if not isinstance(seed, int) or not 0 <= seed < 2**63:
+        raise InputError("seed", seed, "an integer from 0 to 2^63 - 1")
+    context = Context(seed, backend, precision, threads)
+    _ = context.device  # refuses what this machine has not, before a directory is made
+    set_threads(threads)
+    refuse_used_directory(out, overwrite)
+    # Built first too: a case that refuses its parameters should leave no directory behind.
+    simulation = case.build(context)
+    directory = prepare_directory(out)
+    write_json(directory / CASE, _identity(case, context))
+    return _finish(case, context, simulation, directory, progress)
+
+
+def resume(directory: str | Path, progress: bool = True) -> int:
+    """Go on from the last checkpoint of a directory; returns as :func:`execute`.
+
+    Raises
+    ------
+    InputError, CheckpointError
+        Where the directory holds no run, or its checkpoint cannot be read.
+    """
+    directory = Path(directory)
+    case, context = read_case(directory)
+    state, _ = read_checkpoint(directory / CHECKPOINT)
+    set_threads(context.threads)
+    simulation = case.build(context)
+    simulation.restore(state)
+    return _finish(case, context, simulation, directory, progress)
+
+
+def replot(directory: str | Path) -> list[Path]:
+    """Draw the figures of a directory again; gives the paths of the PNG files."""
+    directory = Path(directory)
+    case, _ = read_case(directory)
+    return case.figures(Run(directory), directory)
+
+
+def read_case(directory: str | Path) -> tuple[Case, Context]:
+    """The case that a directory was made from, and how it was run."""
+    path = Path(directory) / CASE
+    if not path.is_file():
+        raise InputError("directory", str(directory), f"one with the output of a run ({CASE})")
+    identity = read_json(path, "case")
+    try:
+        name, reference = identity["case"], identity.get("class")
+        parameters, context = identity["parameters"], Context(**identity["context"])
+    except (KeyError, TypeError) as error:
+        raise InputError("case", str(path), f"a case file of particell ({error})") from None
+    kind = cases.load_class(reference) if reference else cases.load(name)
+    return kind(**parameters), context
+
+
+def read_case_file(path: str | Path) -> tuple[type[Case], dict[str, Any]]:
+    """Class and parameters from a TOML file with ``case = "name"`` and a table ``[parameters]``.
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be read, is not TOML, or has other keys.
+    """
+    try:
+        with open(path, "rb") as handle:
+            content = tomllib.load(handle)
+    except OSError as error:
+        raise InputError("case file", str(path), f"a readable file ({reason(error)})") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError("case file", str(path), f"valid TOML ({reason(error)})") from None
+    for key in content:
+        if key not in ("case", "parameters"):
+            raise unknown_name("key", key, ("case", "parameters"))
+    name, parameters = content.get("case"), content.get("parameters", {})
+    if not isinstance(name, str):
+        raise InputError("case", name, "the name of a case")
+    if not isinstance(parameters, Mapping):
+        raise InputError("parameters", parameters, "a table")
+    return cases.load(name), dict(parameters)
+
+
+def refuse_used_directory(out: str | Path, overwrite: bool) -> None:
+    """Refuse an output directory that holds something, unless told to overwrite it."""
+    directory = Path(out)
+    if directory.is_dir() and any(directory.iterdir()) and not overwrite:
+        raise InputError("out", str(out), "a new or empty directory (or give --overwrite)")
+
+
+def prepare_directory(out: str | Path) -> Path:
+    """Make an output directory, without the files of an earlier run.
+
+    Raises
+    ------
+    InputError
+        Where it cannot be written to.
+    """
+    directory = Path(out)
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        if not os.access(directory, os.W_OK | os.X_OK):
+            raise PermissionError("no permission to write")
+        for name in OWN_FILES:  # nothing but what is ours
+            (directory / name).unlink(missing_ok=True)
+    except OSError as error:
+        allowed = f"a directory that can be written to ({reason(error)})"
+        raise InputError("out", str(out), allowed) from None
+    return directory
+
+
+def set_threads(threads: int | None) -> None:
+    """Set the number of CPU threads for all loops to come."""
+    if threads is None:
+        return
+    import numba
+
+    most = numba.config.NUMBA_NUM_THREADS  # type: ignore[attr-defined]
+    if not 1 <= threads <= most:
+        raise InputError("threads", threads, f"between 1 and {most} on this machine")
+    numba.set_num_threads(threads)
+
+
+def metrics_table(metrics: Mapping[str, Metric]) -> str:
+    """The metrics as text: value, limit, what the paper has, and whether it is within the limit."""
+    rows = [("metric", "value", "limit", "paper", "unit", "")]
+    for name, metric in metrics.items():
+        verdict = "" if metric.limit is None else ("ok" if metric.passed else "FAILED")
+        numbers = [_number(x) for x in (metric.value, metric.limit, metric.paper)]
+        rows.append((name, *numbers, metric.unit, verdict))
+    widths = [max(len(row[c]) for row in rows) for c in range(len(rows[0]))]
+    lines = [
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+        for row in rows
+    ]
+    return "\n".join([lines[0], "-" * max(map(len, lines)), *lines[1:]])
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.4g}"
+
+
+def _identity(case: Case, context: Context) -> dict[str, Any]:
+    """What it takes to build the same simulation again."""
+    kind = type(case)
+    reference = f"{kind.__module__}:{kind.__qualname__}"
+    built_in = cases.CASES.get(case.name, ("",))[0] == reference
+    return {
+        "case": case.name,
+        "class": None if built_in else reference,
+        "parameters": case.model_dump(mode="json"),
+        "context": {
+            "seed": context.seed,
+            "backend": context.backend,
+            "precision": context.precision,
+            "threads": context.threads,
+        },
+    }
+
+
+def _finish(
+    case: Case, context: Context, simulation: Simulation, directory: Path, progress: bool
+) -> int:
+    simulation.run(until=case.until, every=case.every, out=directory, progress=progress)
+    # Read from the file, so that a resumed run is analysed as a whole.
+    run = Run(directory)
+    metrics = case.analyse(run, simulation)
+    write_summary(
+        directory / SUMMARY,
+        case=case.name,
+        parameters=case.parameters(),
+        seed=context.seed,
+        metrics={name: metric.as_dict() for name, metric in metrics.items()},
+        conservation=simulation.conservation(),
+        performance=simulation.performance,
+        settings={
+            "backend": context.backend,
+            "precision": context.precision,
+            "threads": _threads(),
+            **getattr(simulation, "settings", {}),
+        },
+    )
+    case.figures(run, directory)
+    with contextlib.suppress(BrokenPipeError):
+        print(f"{case.name}: {case.title}\n{metrics_table(metrics)}\noutput in {directory}")
+    return 0 if all(metric.passed for metric in metrics.values()) else 1
+
+
+def _threads() -> int:
+    import numba
+
+    return numba.get_num_threads()

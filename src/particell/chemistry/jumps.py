@@ -1,0 +1,487 @@
+r"""Exact diffusion of molecules: random walks on the particles while these stand still.
+
+A molecule in particle i jumps to neighbour j at the rate (Jacob, "SDPD-SSA" (2020), Eq. 28, per
+molecule)
+
+.. math:: k_{i\to j} = 2 \bar\kappa_{ij} V_j F_{ij} s_{ij},
+
+whose detailed balance makes N_i/V_i uniform; s_ij as in :mod:`particell.laws.diffusion`. Jumps are
+of first order, so molecules are independent walkers, and the law of their places after τ is
+:math:`\exp(\tau K)` exactly, with any number of jumps in a step. It is sampled without a queue, in
+one of two ways, both exact, chosen for each particle by the expected cost:
+
+*few molecules*: how many leave at all is binomial, with probability 1 - exp(-k_i τ); each of those
+walks with exponential waiting times until τ is used up;
+
+*many*: uniformisation. With Λ = max k_i every molecule has a Poisson(Λτ) number of candidate jumps.
+In round m the molecules that have more than m candidates are moved by one multinomial draw over
+{stay, neighbours} with probabilities {1 - k_i/Λ, k_ij/Λ}; those that arrive have one candidate more
+with the conditional probability ``further[m + 1]``. What is left of a group that has become small
+walks alone, on the same chain.
+
+Molecules that come in from outside during the step (reservoirs, walls with a surface value) are a
+Poisson stream with uniform entry times. They walk for the rest of τ, or do the rounds with the law
+of the number of candidates after a uniform time.
+
+Every particle draws from a Philox stream of its own for each round, and arrivals are summed as
+integers, so results do not depend on the number of threads. Rates are stored in single precision
+(relative rounding 6e-8), as cumulative sums along the row of the neighbour list.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from scipy.special import gammainc
+
+from particell.chemistry.binomial import binomial, conditional_binomial, poisson
+from particell.compute.loop import particle_loop
+from particell.compute.philox import philox, uniform32
+from particell.compute.scatter import scatter_add
+from particell.laws.diffusion import pair_f, separation_square, surface_factor
+from particell.materials import AVOGADRO
+
+#: Cost of one binomial draw in units of one walked molecule: decides between the two ways.
+BINOMIAL_COST = 1.2
+#: Columns of the counters: jumps made, molecules that go on into the next round.
+JUMPS, PENDING = 0, 1
+
+
+@particle_loop
+def jump_rates(
+    i,
+    x,
+    support,
+    volume,
+    group,
+    kernel_sum,
+    start,
+    stop,
+    neighbours,
+    period,
+    inverse_period,
+    alpha,
+    pair_kappa,
+    status,
+    value,
+    wall_normal,
+    wall_depth,
+    wall_curvature,
+    cumulative,
+    leave_rate,
+    inflow,
+    *,
+    DIM,
+    KERNEL,
+    UNIFORM,
+    NORMALISE,
+    SURFACE,
+):
+    """Cumulative jump rates along row i, their total, and the stream that comes in from outside.
+
+    ``leave_rate`` is 0 where molecules vanish (reservoirs, walls with a value). ``inflow`` is in
+    molecules/s from walls with a value; for a reservoir in 1/s, for each of its molecules.
+    """
+    g = group[i]
+    h = support[i]
+    rate = 0.0
+    stream = 0.0
+    for k in range(start[i], stop[i]):
+        j = neighbours[k]
+        r2 = separation_square(x, i, j, period, inverse_period, DIM)
+        if not UNIFORM:
+            h = 0.5 * (support[i] + support[j])
+        other = group[j]
+        part = 2.0 * pair_kappa[g, other] * volume[j] * pair_f(r2, h, alpha, DIM, KERNEL)
+        if NORMALISE:
+            part *= 2.0 / (kernel_sum[i] + kernel_sum[j])
+        if SURFACE and status[other] == 2 and part > 0.0:
+            part *= surface_factor(
+                x,
+                support,
+                wall_normal,
+                wall_depth,
+                wall_curvature,
+                i,
+                j,
+                period,
+                inverse_period,
+                DIM,
+            )
+            stream += part * value[other]
+        rate += part
+        cumulative[k] = rate
+    total = 0.0
+    if stop[i] > start[i]:
+        total = np.float64(cumulative[stop[i] - 1])
+    leave_rate[i] = total if status[g] == 0 else 0.0
+    inflow[i] = stream * volume[i] * AVOGADRO
+    if status[g] == 1:
+        inflow[i] = total
+
+
+@njit
+def find_slot(cumulative, first, last, target):
+    """The first k in first..last-1 with cumulative[k] > target; there is one. Branch-free."""
+    size = last - first
+    while size > 1:
+        half = size >> 1
+        first += half * (cumulative[first + half - 1] <= target)
+        size -= half
+    return first
+
+
+@njit
+def next_particle(i, target, start, stop, neighbours, cumulative):
+    """The neighbour of i in whose share of the cumulative rates ``target`` lies."""
+    return np.int64(neighbours[find_slot(cumulative, start[i], stop[i], target)])
+
+
+@njit
+def walk(i, left, c0, c1, c2, block, k0, k1, start, stop, neighbours, cumulative, leave_rate):
+    """Walk from i for the time ``left``: where it ends, the number of jumps, the next block."""
+    jumps = 0
+    i = np.int64(i)  # the index of a parallel loop is unsigned
+    w0, w1, w2, w3 = philox(c0, c1, c2, np.uint64(block), k0, k1)
+    block += 1
+    spare = True
+    while True:
+        rate = leave_rate[i]
+        u = uniform32(w0)
+        # exp(-y) >= 1 - y settles most cases without the logarithm
+        if u <= 1.0 - rate * left:
+            return i, jumps, block
+        left += math.log(u) / rate
+        if left <= 0.0:
+            return i, jumps, block
+        i = next_particle(i, uniform32(w1) * rate, start, stop, neighbours, cumulative)
+        jumps += 1
+        if spare:
+            w0, w1 = w2, w3
+        else:
+            w0, w1, w2, w3 = philox(c0, c1, c2, np.uint64(block), k0, k1)
+            block += 1
+        spare = not spare
+
+
+@njit
+def leave_and_walk(
+    i, tau, p, c0, c1, c2, block, k0, k1, start, stop, neighbours, cumulative, leave_rate
+):
+    """A molecule that leaves i before tau (probability p), then walks on; see :func:`walk`."""
+    i = np.int64(i)
+    rate = leave_rate[i]
+    w0, w1, w2, w3 = philox(c0, c1, c2, np.uint64(block), k0, k1)
+    block += 1
+    left = tau + math.log1p(-uniform32(w0) * p) / rate
+    i = next_particle(i, uniform32(w1) * rate, start, stop, neighbours, cumulative)
+    rate = leave_rate[i]
+    u = uniform32(w2)
+    if u <= 1.0 - rate * left:
+        return i, 1, block
+    left += math.log(u) / rate
+    if left <= 0.0:
+        return i, 1, block
+    i = next_particle(i, uniform32(w3) * rate, start, stop, neighbours, cumulative)
+    i, jumps, block = walk(
+        i, left, c0, c1, c2, block, k0, k1, start, stop, neighbours, cumulative, leave_rate
+    )
+    return i, jumps + 2, block
+
+
+@njit
+def walk_candidates(
+    i,
+    m,
+    fastest,
+    further,
+    c0,
+    c1,
+    c2,
+    block,
+    k0,
+    k1,
+    start,
+    stop,
+    neighbours,
+    cumulative,
+    leave_rate,
+):
+    """Walk a molecule that has its m-th candidate jump on the uniformised chain to the end."""
+    jumps = 0
+    i = np.int64(i)  # the index of a parallel loop is unsigned
+    w0, w1, w2, w3 = philox(c0, c1, c2, np.uint64(block), k0, k1)
+    block += 1
+    spare = True
+    while True:
+        target = uniform32(w0) * fastest
+        if target < leave_rate[i]:
+            i = next_particle(i, target, start, stop, neighbours, cumulative)
+            jumps += 1
+        m += 1
+        if m >= len(further) or uniform32(w1) >= further[m]:
+            return i, jumps, block
+        if spare:
+            w0, w1 = w2, w3
+        else:
+            w0, w1, w2, w3 = philox(c0, c1, c2, np.uint64(block), k0, k1)
+            block += 1
+        spare = not spare
+
+
+@particle_loop
+def move(
+    i,
+    m,
+    tau,
+    fastest,
+    further,
+    binomial_cost,
+    s,
+    stream,
+    step,
+    key0,
+    key1,
+    id,
+    group,
+    status,
+    start,
+    stop,
+    neighbours,
+    cumulative,
+    leave_rate,
+    arrived,
+    count,
+    count_booked,
+    moving,
+    landed,
+    counters,
+):
+    """Round m for the molecules of particle i: those it holds (m = 0), or those that arrived.
+
+    Molecules whose walk is over are added to ``landed``, those that may have further candidates
+    to ``moving``; both have shape (threads, n). ``stream`` tells apart the sets of rounds of one
+    step (species; residents and those from outside).
+    """
+    number = count[i, s] if m == 0 else arrived[i]
+    if number == 0:
+        return
+    absorbing = status[group[i]] != 0
+    if absorbing:
+        if m > 0:
+            count_booked[i, s] -= number
+        return
+    c0 = np.uint64(id[i])
+    c1 = np.uint64(step)
+    c2 = np.uint64(stream * 65536 + m)
+    block = 0
+    jumps = 0
+    rate = leave_rate[i]
+    slots = stop[i] - start[i]
+    p = -math.expm1(-rate * tau)
+    limit = binomial_cost * slots
+    if m == 0 and (rate == 0.0 or number * p < limit * max(1.0, fastest * tau)):
+        leaving, block = binomial(number, p, c0, c1, c2, block, key0, key1)
+        count[i, s] -= leaving
+        for _ in range(leaving):
+            end, made, block = leave_and_walk(
+                i,
+                tau,
+                p,
+                c0,
+                c1,
+                c2,
+                block,
+                key0,
+                key1,
+                start,
+                stop,
+                neighbours,
+                cumulative,
+                leave_rate,
+            )
+            scatter_add(landed, end, 1)
+            jumps += made
+        scatter_add(counters, 0, jumps)
+        return
+    going, block = binomial(number, further[m], c0, c1, c2, block, key0, key1)
+    if m == 0:
+        count[i, s] -= going
+    else:
+        count[i, s] += number - going
+    if going < limit:
+        for _ in range(going):
+            end, made, block = walk_candidates(
+                i,
+                m,
+                fastest,
+                further,
+                c0,
+                c1,
+                c2,
+                block,
+                key0,
+                key1,
+                start,
+                stop,
+                neighbours,
+                cumulative,
+                leave_rate,
+            )
+            scatter_add(landed, end, 1)
+            jumps += made
+        scatter_add(counters, 0, jumps)
+        return
+    scatter_add(counters, 1, going)
+    low = 0.0
+    for k in range(start[i], stop[i]):
+        if going > 0:
+            high = np.float64(cumulative[k])
+            part, block = conditional_binomial(
+                going, low, high, fastest, c0, c1, c2, block, key0, key1
+            )
+            low = high
+            if part > 0:
+                scatter_add(moving, neighbours[k], part)
+                going -= part
+                jumps += part
+    scatter_add(moving, i, going)
+    scatter_add(counters, 0, jumps)
+
+
+@particle_loop
+def enter(
+    i,
+    tau,
+    binomial_cost,
+    s,
+    stream,
+    step,
+    key0,
+    key1,
+    id,
+    group,
+    status,
+    start,
+    stop,
+    neighbours,
+    cumulative,
+    leave_rate,
+    inflow,
+    count,
+    count_booked,
+    moving,
+    landed,
+    counters,
+):
+    """Molecules that come in at particle i during tau: a Poisson stream, uniform in time.
+
+    A reservoir sends them to its neighbours; next to a wall with a value they start in i itself.
+    """
+    rate = inflow[i]
+    if rate == 0.0:
+        return
+    c0 = np.uint64(id[i])
+    c1 = np.uint64(step)
+    c2 = np.uint64(stream * 65536)
+    block = 0
+    jumps = 0
+    reservoir = status[group[i]] == 1
+    mean = rate * tau
+    if reservoir:
+        mean *= count[i, s]
+    number, block = poisson(mean, c0, c1, c2, block, key0, key1)
+    count_booked[i, s] += number
+    if number < binomial_cost * (stop[i] - start[i]):
+        for _ in range(number):
+            w0, w1, w2, w3 = philox(c0, c1, c2, np.uint64(block), key0, key1)
+            block += 1
+            begin = np.int64(i)
+            if reservoir:
+                target = uniform32(w1) * rate
+                begin = next_particle(begin, target, start, stop, neighbours, cumulative)
+                jumps += 1
+            end, made, block = walk(
+                begin,
+                tau * uniform32(w0),
+                c0,
+                c1,
+                c2,
+                block,
+                key0,
+                key1,
+                start,
+                stop,
+                neighbours,
+                cumulative,
+                leave_rate,
+            )
+            scatter_add(landed, end, 1)
+            jumps += made
+        scatter_add(counters, 0, jumps)
+        return
+    scatter_add(counters, 1, number)
+    low = 0.0
+    if reservoir:
+        for k in range(start[i], stop[i]):
+            if number > 0:
+                high = np.float64(cumulative[k])
+                part, block = conditional_binomial(
+                    number, low, high, rate, c0, c1, c2, block, key0, key1
+                )
+                low = high
+                if part > 0:
+                    scatter_add(moving, neighbours[k], part)
+                    number -= part
+                    jumps += part
+    scatter_add(counters, 0, jumps)
+    if number > 0:
+        scatter_add(moving, i, number)
+
+
+@particle_loop
+def collect(i, moving, arrived):
+    """Sum what arrived at particle i over threads, and empty the buffer."""
+    total = 0
+    for thread in range(moving.shape[0]):
+        total += moving[thread, i]
+        moving[thread, i] = 0
+    arrived[i] = total
+
+
+@particle_loop
+def settle(i, s, group, status, landed, count, count_booked):
+    """Give particle i the molecules whose walk ended there; absorbed ones are booked."""
+    total = 0
+    for thread in range(landed.shape[0]):
+        total += landed[thread, i]
+        landed[thread, i] = 0
+    if status[group[i]] == 0:
+        count[i, s] += total
+    else:
+        count_booked[i, s] -= total
+
+
+def rounds_needed(mean: float) -> int:
+    """Length of the table of probabilities, beyond which a Poisson number never goes."""
+    return int(mean + 14 * math.sqrt(mean)) + 64
+
+
+def resident_probabilities(mean: float, length: int) -> np.ndarray:
+    """P(K >= m+1 | K >= m) for m = 0, 1, ... of a Poisson number K of candidate jumps."""
+    tail = np.append(1.0, gammainc(np.arange(1.0, length + 1), mean))
+    return np.divide(tail[1:], tail[:-1], out=np.zeros(length), where=tail[:-1] > 0)
+
+
+def inflow_probabilities(mean: float, length: int) -> np.ndarray:
+    """The same for walkers that enter at a uniform time: entry m has P(K >= m | K >= m-1).
+
+    Their number of candidates has P(K = k) = P(Poisson(mean) >= k+1)/mean; entry 0 is 1.
+    """
+    point = gammainc(np.arange(1.0, length + 1), mean) / mean if mean > 0 else np.eye(1, length)[0]
+    tail = np.cumsum(point[::-1])[::-1]
+    ratio = np.ones(length)
+    np.divide(tail[1:], tail[:-1], out=ratio[1:], where=tail[:-1] > 0)
+    return np.minimum(ratio, 1.0)

@@ -1,0 +1,273 @@
+"""Species, reactions and boundaries as tables that loops read by the particle's group."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from particell.chemistry.reactions import HIGHEST_ORDER, Reaction
+from particell.chemistry.reservoirs import FREE, HELD, WALL_VALUE, FixedValueWall, Reservoir
+from particell.chemistry.species import Species
+from particell.errors import InputError, unknown_name
+from particell.particles import Group
+
+
+@dataclass
+class Tables:
+    """The tables of one kind of species: all concentrations, or all molecules.
+
+    With G groups, S species of this kind and R one-way reactions:
+
+    Attributes
+    ----------
+    names
+        The species.
+    present
+        bool (G, S), whether a group holds a species.
+    diffusivity
+        float64 (G, S), in m²/s.
+    pair_diffusivity
+        float64 (G, G, S), the diffusivity between a particle of the first and one of the second
+        group, see :func:`pair_diffusivity`.
+    status
+        int64 (G, S): ``FREE``, ``HELD`` (a reservoir) or ``WALL_VALUE``.
+    value
+        float64 (G, S), the concentration that is kept, in mol/m³.
+    reactants
+        int64 (R, 3), the species of the rate's factors, -1 for none; equal ones are neighbours.
+    repeats
+        int64 (R, 3), how often the factor's species came before (falling factorials).
+    net
+        int64 (R, S), change of each species by one event.
+    rate
+        float64 (G, R), rate constants, 0 where the reaction does not take place.
+    volume_power
+        int64 (R,): the propensity holds (V 𝒩)**volume_power.
+    law
+        int64 (R,): 0 for mass action, m + 1 for the m-th function of ``laws``.
+    laws
+        User-given rate laws or propensities.
+    """
+
+    names: list[str]
+    present: np.ndarray
+    diffusivity: np.ndarray
+    pair_diffusivity: np.ndarray
+    status: np.ndarray
+    value: np.ndarray
+    reactants: np.ndarray
+    repeats: np.ndarray
+    net: np.ndarray
+    rate: np.ndarray
+    volume_power: np.ndarray
+    law: np.ndarray
+    laws: list[Any]
+
+    @property
+    def reactions(self) -> int:
+        """Number of one-way reactions."""
+        return len(self.net)
+
+    @property
+    def diffusing(self) -> np.ndarray:
+        """Columns of the species that diffuse somewhere."""
+        moving = self.pair_diffusivity.any(axis=(0, 1))
+        return np.flatnonzero(moving).astype(np.int64)
+
+
+def pair_diffusivity(diffusivity: np.ndarray, status: np.ndarray) -> np.ndarray:
+    """Diffusivities between groups, (G, G, S), from those of the groups, (G, S).
+
+    The harmonic mean, so that a group without diffusivity blocks. A wall that has a surface value
+    takes the diffusivity of the fluid particle and has no exchange of its own to compute; between
+    two particles that are held nothing needs to be exchanged.
+    """
+    one, other = diffusivity[:, None, :], diffusivity[None, :, :]
+    total = one + other
+    mean = np.divide(2 * one * other, total, out=np.zeros_like(total), where=total > 0)
+    mean = np.where(status[None, :, :] == WALL_VALUE, one + 0 * other, mean)
+    mean[np.broadcast_to((status == WALL_VALUE)[:, None, :], mean.shape)] = 0.0
+    mean[(status != FREE)[:, None, :] & (status != FREE)[None, :, :]] = 0.0
+    return mean
+
+
+def build_tables(
+    species: Sequence[Species],
+    reactions: Sequence[Reaction],
+    boundaries: Sequence[Reservoir | FixedValueWall],
+    groups: Sequence[Group],
+) -> tuple[Tables, Tables]:
+    """The tables of concentrations and those of molecules.
+
+    Raises
+    ------
+    InputError
+        For unknown names, doubled species, reactions that mix the two kinds of species or take
+        place nowhere.
+    """
+    known = {s.name: s for s in species}
+    if len(known) < len(species):
+        raise InputError("species", [s.name for s in species], "distinct names")
+    group_index = {g.name: k for k, g in enumerate(groups)}
+    _check_names(known, reactions, boundaries, group_index)
+    kinds: dict[bool, list[Reaction]] = {False: [], True: []}
+    for reaction in reactions:
+        molecules = {known[name].molecules for name in reaction.names}
+        if len(molecules) > 1:
+            raise InputError(
+                "reaction",
+                reaction.label,
+                "between concentrations only or between molecules only "
+                "(a reaction that mixes the two kinds of species is not supported yet)",
+            )
+        kind = molecules.pop()
+        if not kind and (reaction.units == "molecules" or reaction.propensity is not None):
+            raise InputError(
+                "reaction",
+                reaction.label,
+                "between molecules where it has a propensity or units='molecules'",
+            )
+        if kind and reaction.rate_law is not None:
+            raise InputError(
+                "reaction", reaction.label, "given a propensity, not a rate_law, for molecules"
+            )
+        kinds[kind].append(reaction)
+    both = [
+        _tables([s for s in species if s.molecules is kind], kinds[kind], boundaries, groups)
+        for kind in (False, True)
+    ]
+    return both[0], both[1]
+
+
+def _check_names(
+    known: Mapping[str, Species],
+    reactions: Sequence[Reaction],
+    boundaries: Sequence[Reservoir | FixedValueWall],
+    groups: Mapping[str, int],
+) -> None:
+    def check(what: str, names: Sequence[str], allowed: Mapping[str, Any]) -> None:
+        for name in names:
+            if name not in allowed:
+                raise unknown_name(what, name, allowed)
+
+    for s in known.values():
+        check(f"group in only_in of species {s.name}", list(s.only_in or ()), groups)
+        if isinstance(s.diffusivity, Mapping):
+            check(f"group in diffusivity of species {s.name}", list(s.diffusivity), groups)
+    for r in reactions:
+        check(f"species in reaction {r.label}", r.names, known)
+        check(f"group in only_in of reaction {r.label}", list(r.only_in or ()), groups)
+        for rate in (r.forward, r.backward):
+            if isinstance(rate, Mapping):
+                check(f"group in a rate of reaction {r.label}", list(rate), groups)
+    for b in boundaries:
+        check(f"group of {type(b).__name__}", [b.group], groups)
+        check(f"species of {type(b).__name__} {b.group}", list(b.values), known)
+
+
+def _tables(
+    species: list[Species],
+    reactions: list[Reaction],
+    boundaries: Sequence[Reservoir | FixedValueWall],
+    groups: Sequence[Group],
+) -> Tables:
+    names = [s.name for s in species]
+    shape = (len(groups), len(names))
+    present = np.array(
+        [[s.is_in(g.name, g.kind) for s in species] for g in groups], dtype=bool
+    ).reshape(shape)
+    status, value = np.zeros(shape, np.int64), np.zeros(shape)
+    group_names = [g.name for g in groups]
+    for boundary in boundaries:
+        g = group_names.index(boundary.group)
+        for name, concentration in boundary.values.items():
+            if name not in names:
+                continue
+            s = names.index(name)
+            if status[g, s] != FREE:
+                raise InputError(f"{name} in {boundary.group}", concentration, "set only once")
+            held = isinstance(boundary, Reservoir)
+            status[g, s] = HELD if held else WALL_VALUE
+            value[g, s] = concentration
+            present[g, s] = held
+    diffusivity = np.array(
+        [[s.diffusivity_in(g.name) for s in species] for g in groups], dtype=float
+    ).reshape(shape)
+    diffusivity *= present
+    directions = [(r, False) for r in reactions] + [(r, True) for r in reactions if r.reversible]
+    count = len(directions)
+    tables = Tables(
+        names=names,
+        present=present,
+        diffusivity=diffusivity,
+        pair_diffusivity=pair_diffusivity(diffusivity, status),
+        status=status,
+        value=value,
+        reactants=np.full((count, HIGHEST_ORDER), -1, np.int64),
+        repeats=np.zeros((count, HIGHEST_ORDER), np.int64),
+        net=np.zeros((count, len(names)), np.int64),
+        rate=np.zeros((len(groups), count)),
+        volume_power=np.zeros(count, np.int64),
+        law=np.zeros(count, np.int64),
+        laws=[],
+    )
+    for r, (reaction, back) in enumerate(directions):
+        _fill_reaction(tables, r, reaction, back, groups)
+    return tables
+
+
+def _fill_reaction(
+    tables: Tables, r: int, reaction: Reaction, back: bool, groups: Sequence[Group]
+) -> None:
+    sides = (reaction.reactants or {}, reaction.products or {})
+    left, right = sides[::-1] if back else sides
+    for name, coefficient in left.items():
+        tables.net[r, tables.names.index(name)] -= coefficient
+    for name, coefficient in right.items():
+        tables.net[r, tables.names.index(name)] += coefficient
+    law = reaction.rate_law or reaction.propensity
+    if law is not None:
+        tables.laws.append(law if hasattr(law, "py_func") else njit(law))
+        tables.law[r] = len(tables.laws)
+    else:
+        place = 0
+        for name, coefficient in left.items():
+            for repeat in range(coefficient):
+                tables.reactants[r, place] = tables.names.index(name)
+                tables.repeats[r, place] = repeat
+                place += 1
+        if reaction.units == "concentration":
+            tables.volume_power[r] = 1 - place
+    columns = [tables.names.index(name) for name in reaction.names]
+    rate = reaction.backward if back else reaction.forward
+    allowed = tables.present[:, columns].all(axis=1)
+    for g, group in enumerate(groups):
+        named = reaction.only_in is None or group.name in reaction.only_in
+        if reaction.only_in is not None and named and not allowed[g]:
+            missing = [n for n in reaction.names if not tables.present[g, tables.names.index(n)]]
+            raise InputError(
+                f"only_in of reaction {reaction.label}",
+                group.name,
+                f"a group that holds all its species ({', '.join(missing)} cannot be there)",
+            )
+        if named and allowed[g]:
+            tables.rate[g, r] = rate.get(group.name, 0.0) if isinstance(rate, Mapping) else rate
+    if not allowed.any():
+        raise InputError(
+            "reaction", reaction.label, "between species that some group holds together"
+        )
+
+
+def dispatcher(laws: Sequence[Any], arguments: str) -> Any:
+    """One compiled function ``f(m, *arguments)`` that calls the m-th of several."""
+    lines = [f"def choose(m, {arguments}):"]
+    for m in range(len(laws)):
+        lines += [f"    if m == {m}:", f"        return 1.0 * law{m}({arguments})"]
+    lines.append("    return 0.0")
+    scope: dict[str, Any] = {f"law{m}": law for m, law in enumerate(laws)}
+    exec("\n".join(lines), scope)
+    return njit(scope["choose"])

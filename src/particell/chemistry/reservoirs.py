@@ -1,0 +1,133 @@
+r"""Boundaries of species: reservoirs, walls with a surface value, sponges.
+
+What comes in through them is *booked*: the fields ``amount_booked`` and ``count_booked`` hold, for
+each particle and species, what came in (+) and went out (-) there since the beginning, so that the
+total minus the sum of what was booked is constant.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from particell.chemistry.binomial import stochastic_round
+from particell.chemistry.species import checked_rate
+from particell.compute.loop import particle_loop
+from particell.errors import InputError
+from particell.materials import AVOGADRO
+
+# What a species is to the particles of a group.
+FREE, HELD, WALL_VALUE = 0, 1, 2
+
+
+@dataclass(frozen=True)
+class Reservoir:
+    """Particles in which species are kept at a value.
+
+    Molecules that enter vanish, those that leave are replaced; both are booked.
+
+    Parameters
+    ----------
+    group
+        The particles.
+    values
+        Concentrations in mol/m³ by species; species that are not named are free. Molecules are
+        kept at the whole number nearest to C V 𝒩.
+    """
+
+    group: str
+    values: Mapping[str, float]
+
+    def __post_init__(self) -> None:
+        _check_values(self)
+
+
+@dataclass(frozen=True)
+class FixedValueWall:
+    r"""A wall whose surface has fixed concentrations.
+
+    Wall particle j takes, for fluid particle i, the value extrapolated through the surface
+    (:mod:`particell.boundaries.wall`). Molecules go out at the rate
+    :math:`2\kappa_i V_j F_{ij} s_{ij}(1 + d_j/d_i)` each, and come in as a Poisson stream of that
+    rate times :math:`C_w V_i 𝒩`.
+
+    Parameters
+    ----------
+    group
+        The wall's particles.
+    values
+        Surface concentrations in mol/m³ by species; the wall is impermeable to others.
+    """
+
+    group: str
+    values: Mapping[str, float]
+
+    def __post_init__(self) -> None:
+        _check_values(self)
+
+
+def _check_values(boundary: Reservoir | FixedValueWall) -> None:
+    kind = type(boundary).__name__
+    if not isinstance(boundary.values, Mapping) or not boundary.values:
+        raise InputError(f"values of {kind} {boundary.group}", boundary.values, "a table by species")
+    for name, value in boundary.values.items():
+        checked_rate(f"value of {name} in {kind} {boundary.group}", value)
+
+
+@particle_loop
+def hold_amounts(i, group, volume, status, value, amount, amount_booked):
+    """Bring the amounts of reservoirs back to C V and book the difference."""
+    g = group[i]
+    for s in range(status.shape[1]):
+        if status[g, s] == 1:
+            kept = value[g, s] * volume[i]
+            amount_booked[i, s] += kept - amount[i, s]
+            amount[i, s] = kept
+
+
+@particle_loop
+def hold_counts(i, group, volume, status, value, count, count_booked):
+    """Bring the molecules of reservoirs back to the whole number nearest to C V 𝒩; book it."""
+    g = group[i]
+    for s in range(status.shape[1]):
+        if status[g, s] == 1:
+            kept = np.int64(math.floor(value[g, s] * volume[i] * AVOGADRO + 0.5))
+            count_booked[i, s] += kept - count[i, s]
+            count[i, s] = kept
+
+
+@particle_loop
+def relax_amounts(i, fraction, target, s, volume, amount, amount_booked):
+    """Sponge: n <- n - (n - C_target V) f with the particle's own f in [0, 1]; booked.
+
+    ``fraction`` (n,) is f, ``target`` (n,) the concentration in mol/m³, s the species' column.
+    """
+    change = (target[i] * volume[i] - amount[i, s]) * fraction[i]
+    amount[i, s] += change
+    amount_booked[i, s] += change
+
+
+@particle_loop
+def relax_counts(
+    i, fraction, target, s, volume, id, step, key0, key1, group, status, count, count_booked
+):
+    """Sponge for molecules: the change (C_target V 𝒩 - N) f, rounded without bias; booked."""
+    if status[group[i], s] == 0 and fraction[i] > 0.0:
+        change = (target[i] * volume[i] * AVOGADRO - count[i, s]) * fraction[i]
+        # rounding what is taken away keeps the number from going below zero
+        taken = stochastic_round(-change, np.uint64(id[i]), step, np.uint64(s), key0, key1)
+        count[i, s] -= taken
+        count_booked[i, s] -= taken
+
+
+@particle_loop
+def round_counts(i, expected, s, id, chosen, key0, key1, count):
+    """Initial numbers of molecules: ``expected`` rounded at random without bias, where chosen."""
+    if chosen[i] != 0:
+        zero = np.uint64(0)
+        count[i, s] = stochastic_round(
+            expected[i], np.uint64(id[i]), zero, np.uint64(s), key0, key1
+        )

@@ -1,0 +1,285 @@
+"""The command line.
+
+Exit status: 0 done; 1 done, but a metric is beyond its limit; 2 the input is wrong; 3 the run
+broke; 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import tomllib
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext
+from pathlib import Path
+from typing import Any, NoReturn
+
+import click
+
+from particell.errors import InputError, Interrupted, ParticellError, RunError
+
+FAILED, WRONG_INPUT, BROKEN, INTERRUPTED = 1, 2, 3, 130
+
+_run_options = [
+    click.option("--seed", type=int, default=1, show_default=True, help="Of the random numbers."),
+    click.option("--threads", type=int, help="CPU threads (default: all)."),
+    click.option("--backend", type=click.Choice(["cpu", "cuda"]), default="cpu", show_default=True),
+    click.option(
+        "--precision",
+        type=click.Choice(["float64", "float32"]),
+        default="float64",
+        show_default=True,
+    ),
+    click.option("--progress/--no-progress", default=True, help="Show a progress bar."),
+]
+
+
+def run_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """The options that commands which run something share."""
+    for option in reversed(_run_options):
+        command = option(command)
+    return command
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="particell", message="%(prog)s %(version)s")
+def cli() -> None:
+    """Particle-based multiphysics at the scale of cells."""
+
+
+@cli.command("list")
+@click.argument("case", required=False)
+def list_cases(case: str | None) -> int:
+    """List the built-in cases, or the parameters of one CASE."""
+    from particell import cases
+
+    if case is None:
+        width = max((len(name) for name in cases.names()), default=0)
+        for name in cases.names():
+            click.echo(f"{name:{width}}  {cases.title(name)}")
+        return 0
+    kind = cases.load(case)
+    click.echo(f"{kind.name}: {kind.title}")
+    rows = kind.describe()
+    width = max((len(row[0]) for row in rows), default=0)
+    for name, default, unit, description in rows:
+        words = " ".join(description.split())
+        click.echo(f"  {name:{width}}  {f'{default} {unit}'.strip():20}  {words}".rstrip())
+    return 0
+
+
+@cli.command()
+@click.argument("case", metavar="CASE|FILE.toml")
+@click.option("--set", "settings", multiple=True, metavar="KEY=VALUE", help="Set a parameter.")
+@click.option("--out", type=click.Path(path_type=Path), help="Directory (default: out/CASE).")
+@click.option("--overwrite", is_flag=True, help="Replace an earlier run in that directory.")
+@run_options
+def run(
+    case: str, settings: tuple[str, ...], out: Path | None, overwrite: bool, **options: Any
+) -> int:
+    """Run a case, by its name or as a TOML file describes it."""
+    from particell import cases
+    from particell.cases.execution import execute, read_case_file
+
+    if case.endswith(".toml"):
+        kind, parameters = read_case_file(case)
+    else:
+        kind, parameters = cases.load(case), {}
+    parameters |= parse_settings(settings)
+    directory = out or Path("out") / kind.name
+    instance = kind(**parameters)
+    return guarded(directory, lambda: execute(instance, directory, overwrite=overwrite, **options))
+
+
+@cli.command()
+@click.argument("directory", type=click.Path(path_type=Path))
+@click.option("--progress/--no-progress", default=True, help="Show a progress bar.")
+def resume(directory: Path, progress: bool) -> int:
+    """Go on with the run in DIRECTORY from its last checkpoint."""
+    from particell.cases import execution
+
+    return guarded(directory, lambda: execution.resume(directory, progress=progress))
+
+
+@cli.command()
+@click.argument("directory", type=click.Path(path_type=Path))
+def plot(directory: Path) -> int:
+    """Draw the figures of the run in DIRECTORY again."""
+    from particell.cases.execution import replot
+
+    for path in replot(directory):
+        click.echo(path)
+    return 0
+
+
+@cli.command()
+@click.argument("directory", type=click.Path(path_type=Path))
+@click.option("--to", "kind", type=click.Choice(["vtkhdf"]), default="vtkhdf", show_default=True)
+@click.option("--out", type=click.Path(path_type=Path), help="File (default: in DIRECTORY).")
+def export(directory: Path, kind: str, out: Path | None) -> int:
+    """Export the run in DIRECTORY, for ParaView."""
+    from particell.output.export import export_vtkhdf
+    from particell.output.run import Run
+
+    click.echo(export_vtkhdf(Run(directory), out or directory / f"run.{kind}"))
+    return 0
+
+
+@cli.command()
+@click.argument("names", nargs=-1, metavar="[CASE]...")
+@click.option("--full", is_flag=True, help="At the papers' sizes.")
+@click.option("--out", type=click.Path(path_type=Path), help="Keep the output, below here.")
+@click.option("--overwrite", is_flag=True, help="Replace earlier runs there.")
+@run_options
+def validate(
+    names: tuple[str, ...], full: bool, out: Path | None, overwrite: bool, **options: Any
+) -> int:
+    """Run cases (default: all) and compare with exact solutions, references and the papers."""
+    from particell import cases
+    from particell.cases.execution import execute
+
+    kinds = [cases.load(name) for name in names or cases.names()]
+    status = {}
+    with nullcontext(out) if out else tempfile.TemporaryDirectory() as base:
+        for kind in kinds:
+            directory = Path(base) / kind.name
+
+            def one(kind: Any = kind, directory: Path = directory) -> int:
+                case = kind(**(kind.full if full else {}))
+                return execute(case, directory, overwrite=overwrite, **options)
+
+            try:
+                status[kind.name] = guarded(directory, one)
+            except InputError as error:  # the other cases can still tell something
+                status[kind.name] = complain(error)
+            if status[kind.name] == INTERRUPTED:
+                return INTERRUPTED
+            click.echo()
+    failed = [name for name, code in status.items() if code]
+    good = f"{len(status) - len(failed)} of {len(status)} cases passed"
+    click.echo(good + (f"; not: {', '.join(failed)}" if failed else ""))
+    return max(status.values(), default=0)
+
+
+@cli.command()
+@click.option("--json", "path", type=click.Path(path_type=Path), help="Also write to this file.")
+def bench(path: Path | None) -> int:
+    """Measure the speed of the parts and of whole steps on this machine."""
+    from particell.bench import main as measure
+
+    measure(path)
+    return 0
+
+
+@cli.command()
+def info() -> int:
+    """Versions, backends, threads and devices."""
+    import os
+    from importlib.metadata import version
+
+    import numba
+
+    from particell.output.summary import versions
+
+    click.echo(f"particell {version('particell')}")
+    click.echo(", ".join(f"{name} {number}" for name, number in versions().items()))
+    threads = numba.config.NUMBA_NUM_THREADS  # type: ignore[attr-defined]
+    click.echo(f"cpu: {threads} threads (of {os.cpu_count()} cores)")
+    click.echo(f"cuda: {_cuda_devices()}")
+    return 0
+
+
+def _cuda_devices() -> str:
+    try:
+        from numba import cuda
+
+        if not cuda.is_available():
+            return "no usable GPU"
+        return ", ".join(f"{g.id} {_text(g.name)}" for g in cuda.gpus)
+    except ImportError:
+        return "numba-cuda is not installed (extra 'cuda')"
+
+
+def _text(name: str | bytes) -> str:
+    return name.decode() if isinstance(name, bytes) else name
+
+
+def parse_settings(settings: Sequence[str]) -> dict[str, Any]:
+    """``key=value`` texts as a dictionary; a value is TOML where it can be, and else text."""
+    found: dict[str, Any] = {}
+    for setting in settings:
+        key, equals, value = setting.partition("=")
+        key, value = key.strip(), value.strip()
+        if not equals or not key:
+            raise InputError("--set", setting, "of the form KEY=VALUE")
+        try:
+            found[key] = tomllib.loads(f"value = {value}")["value"]
+        except tomllib.TOMLDecodeError:
+            found[key] = value
+    return found
+
+
+def guarded(directory: Path, action: Callable[[], int]) -> int:
+    """Run something in a directory; where it breaks, say how to go on. Gives the exit status."""
+    from particell.output.files import OutputError
+    from particell.output.run import CHECKPOINT
+
+    try:
+        return action()
+    except Interrupted:
+        click.echo(f"interrupted; go on with: particell resume {directory}", err=True)
+        return INTERRUPTED
+    except (RunError, OutputError) as error:
+        click.echo(f"the run broke: {_one_line(error)}", err=True)
+        checkpoint = directory / CHECKPOINT
+        if checkpoint.exists():
+            click.echo(f"last good checkpoint: {checkpoint}", err=True)
+            click.echo(f"go on from it with: particell resume {directory}", err=True)
+        else:
+            click.echo("no checkpoint had been written yet", err=True)
+        return BROKEN
+
+
+def complain(error: Exception) -> int:
+    """Say in one line what is wrong with the input."""
+    click.echo(f"error: {_one_line(error)}", err=True)
+    return WRONG_INPUT
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())
+
+
+def call(arguments: Sequence[str] | None = None) -> int:
+    """Run a command line; gives the exit status.
+
+    Parameters
+    ----------
+    arguments
+        Without the name of the program; by default those of this process.
+    """
+    from particell.output.files import OutputError
+
+    try:
+        status = cli.main(
+            args=None if arguments is None else list(arguments),
+            prog_name="particell",
+            standalone_mode=False,
+        )
+    except click.ClickException as error:
+        error.show()
+        return error.exit_code
+    except (click.Abort, KeyboardInterrupt, Interrupted):
+        click.echo("interrupted", err=True)
+        return INTERRUPTED
+    except OutputError as error:
+        click.echo(f"error: {_one_line(error)}", err=True)
+        return BROKEN
+    except ParticellError as error:
+        return complain(error)
+    return status or 0
+
+
+def main() -> NoReturn:
+    """The program ``particell``."""
+    sys.exit(call())

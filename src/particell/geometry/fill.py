@@ -1,0 +1,215 @@
+"""Filling shapes with particles: lattices, rings, jitter, and relaxed ("packed") arrangements."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from particell.errors import InputError
+from particell.geometry.domain import Domain
+from particell.geometry.shapes import Ball, Shape
+
+
+def fitting_spacing(domain: Domain, spacing: float) -> np.ndarray:
+    """Spacings (dim,) nearest to ``spacing`` that divide the domain's edges evenly."""
+    if not spacing > 0:
+        raise InputError("spacing", spacing, "positive")
+    numbers = np.round(domain.lengths / spacing)
+    if np.any(numbers < 1):
+        raise InputError("spacing", spacing, f"at most the shortest edge, {domain.lengths.min():g}")
+    return domain.lengths / numbers
+
+
+def lattice(
+    domain: Domain, spacing: float, shape: Shape | None = None, kind: str = "square"
+) -> np.ndarray:
+    """Points of a lattice inside a domain, and inside a shape if one is given.
+
+    Parameters
+    ----------
+    domain
+        The box that holds the points; the lattice fits it evenly, points at cell centres.
+    spacing
+        Wanted distance of neighbours, in m; see :func:`fitting_spacing`.
+    shape
+        Only points inside this shape are kept.
+    kind
+        ``"square"`` (cubic in 3D) or ``"hexagonal"`` (2D only: rows along x, shifted by half).
+
+    Returns
+    -------
+    ndarray
+        Points (n, dim) in m.
+    """
+    if kind == "hexagonal" and domain.dim == 2:
+        points = _hexagonal(domain, spacing)
+    elif kind == "square":
+        steps = fitting_spacing(domain, spacing)
+        axes = [
+            low + (np.arange(round(length / step)) + 0.5) * step
+            for low, length, step in zip(domain.lower, domain.lengths, steps, strict=True)
+        ]
+        points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, domain.dim)
+    else:
+        raise InputError("kind", kind, "'square', or 'hexagonal' in 2D")
+    return points if shape is None else points[shape.contains(points)]
+
+
+def _hexagonal(domain: Domain, spacing: float) -> np.ndarray:
+    """Rows along x whose number is even, so that the lattice is periodic in y too."""
+    # the area of a particle stays spacing**2
+    across = spacing * math.sqrt(2 / math.sqrt(3))
+    columns = max(1, round(domain.lengths[0] / across))
+    rows = max(2, 2 * round(domain.lengths[1] / (across * math.sqrt(3))))
+    step_x, step_y = domain.lengths[0] / columns, domain.lengths[1] / rows
+    k, row = np.meshgrid(np.arange(columns), np.arange(rows), indexing="ij")
+    x = domain.lower[0] + (k + 0.25 + 0.5 * (row % 2)) * step_x
+    y = domain.lower[1] + (row + 0.5) * step_y
+    return np.stack([x, y], axis=-1).reshape(-1, 2)
+
+
+def jittered(points: np.ndarray, amplitude: float, seed: int) -> np.ndarray:
+    """Points displaced by independent normal numbers of the given amplitude (m)."""
+    return points + amplitude * np.random.default_rng(seed).standard_normal(points.shape)
+
+
+def rings(ball: Ball, inner: float, outer: float, spacing: float) -> tuple[np.ndarray, np.ndarray]:
+    """Particles on concentric circles that fill the ring inner < r < outer of a circle.
+
+    Parameters
+    ----------
+    ball
+        A circle: its centre is used.
+    inner, outer
+        Radii in m; ``inner`` may be zero.
+    spacing
+        Wanted distance of neighbours in m.
+
+    Returns
+    -------
+    points, volumes
+        Points (n, 2) in m and their areas (n,) in m², which add up to the ring's area.
+    """
+    if not 0 <= inner < outer:
+        raise InputError("inner", inner, f"between 0 and 'outer' = {outer:g}")
+    layers = max(1, round((outer - inner) / spacing))
+    edges = np.linspace(inner, outer, layers + 1)
+    points, volumes = [], []
+    for low, high in zip(edges[:-1], edges[1:], strict=True):
+        area = math.pi * (high**2 - low**2)
+        # the radius that halves the layer's area, or its centre of mass for a wedge
+        radius = 2 / 3 * (high**3 - low**3) / (high**2 - low**2)
+        number = max(1, round(area / spacing**2))
+        if low == 0 and number <= 2:
+            number, radius = 1, 0.0
+        angle = 2 * math.pi * (np.arange(number) + 0.5) / number
+        points.append(
+            ball.center + radius * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+        )
+        volumes.append(np.full(number, area / number))
+    return np.concatenate(points), np.concatenate(volumes)
+
+
+def packed(
+    points: np.ndarray,
+    domain: Domain,
+    spacing: float,
+    fixed: np.ndarray | None = None,
+    keep_inside: Shape | None = None,
+    tolerance: float = 2e-3,
+    iterations: int = 400,
+) -> np.ndarray:
+    """Relax points until they are evenly spread, by the transport-velocity shift alone.
+
+    Each iteration moves point i by a step along Σ_j F_ij x_ij, away from where neighbours crowd
+    (Lucy's F with support 2.4 spacings, at which both square and hexagonal lattices are stable).
+
+    Parameters
+    ----------
+    points
+        Points (n, D) to be moved, in m.
+    domain
+        Gives the periodic faces.
+    spacing
+        Distance of neighbours in m.
+    fixed
+        Points (m, D) that push but do not move: walls, bodies.
+    keep_inside
+        Points that leave this shape are put back on the near side of its surface.
+    tolerance
+        Stop when no point moves by more than this part of the spacing.
+    iterations
+        Largest number of iterations.
+
+    Returns
+    -------
+    ndarray
+        Points (n, D) in m.
+    """
+    support = 2.4 * spacing
+    moving = np.array(points, dtype=float)
+    others = np.empty((0, domain.dim)) if fixed is None else np.asarray(fixed, dtype=float)
+    for _ in range(iterations):
+        everything = np.concatenate([moving, others])
+        shift = np.zeros_like(moving)
+        i, j, offset = neighbour_pairs(everything, domain, support, len(moving))
+        r = np.linalg.norm(offset, axis=1)
+        weight = np.maximum(0.0, 1.0 - r / support) ** 2
+        for d in range(domain.dim):
+            shift[:, d] = np.bincount(i, weight * offset[:, d], minlength=len(moving))
+        # the stiffness of Σ F x against a single displacement is about the sum of F itself
+        shift *= 0.5 / np.bincount(i, weight, minlength=len(moving)).clip(1e-12)[:, None]
+        length = np.linalg.norm(shift, axis=1, keepdims=True)
+        shift *= np.minimum(1.0, 0.1 * spacing / np.maximum(length, 1e-300))
+        moving += shift
+        if keep_inside is not None:
+            moving = _put_back(moving, keep_inside, 0.3 * spacing)
+        moving = np.where(
+            domain.periodic, domain.lower + (moving - domain.lower) % domain.lengths, moving
+        )
+        if np.abs(shift).max() < tolerance * spacing:
+            break
+    return moving
+
+
+def _put_back(points: np.ndarray, shape: Shape, margin: float) -> np.ndarray:
+    distance = shape.signed_distance(points) + margin
+    out = distance > 0
+    if np.any(out):
+        points = points.copy()
+        normal = shape.normal(points[out], 1e-3 * margin)
+        points[out] -= distance[out, None] * normal
+    return points
+
+
+def neighbour_pairs(
+    points: np.ndarray, domain: Domain, reach: float, first: int | None = None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Pairs (i, j, x_i − x_j) nearer than ``reach``, i among the first ``first`` points.
+
+    For setting up and analysis; the simulation has its own neighbour list.
+    """
+    first = len(points) if first is None else first
+    images = [points]
+    sources = [np.arange(len(points))]
+    for d in np.flatnonzero(domain.periodic):
+        length = domain.lengths[d]
+        for side, shift in ((0, length), (1, -length)):
+            for k in range(len(images)):
+                x = images[k][:, d]
+                edge = x < domain.lower[d] + reach if side == 0 else x > domain.upper[d] - reach
+                copy = images[k][edge].copy()
+                copy[:, d] += shift
+                images.append(copy)
+                sources.append(sources[k][edge])
+    everything, source = np.concatenate(images), np.concatenate(sources)
+    tree = cKDTree(everything)
+    found = tree.query_ball_point(points[:first], reach)
+    counts = np.array([len(f) for f in found])
+    i = np.repeat(np.arange(first), counts)
+    j = np.concatenate([np.asarray(f, dtype=np.int64) for f in found]) if first else i
+    keep = ~((source[j] == i) & (j < len(points)))
+    i, j = i[keep], j[keep]
+    return i, source[j], points[i] - everything[j]

@@ -1,0 +1,168 @@
+"""Shapes: regions of space known by their signed distance.
+
+Distances are negative inside. Shapes combine: ``a | b`` (union), ``a & b`` (intersection),
+``a - b`` (difference) and ``~a`` (everything else).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from particell.errors import InputError
+
+
+class Shape:
+    """A region of space; subclasses give its signed distance."""
+
+    def signed_distance(self, points: np.ndarray) -> np.ndarray:
+        """Distance in m of points (n, D) from the surface, negative inside; shape (n,)."""
+        raise NotImplementedError
+
+    def contains(self, points: np.ndarray) -> np.ndarray:
+        """Boolean mask (n,) of the points inside."""
+        return self.signed_distance(points) < 0
+
+    def normal(self, points: np.ndarray, step: float) -> np.ndarray:
+        """Outward unit normals (n, D): the distance's gradient by central differences."""
+        dim = points.shape[1]
+        gradient = np.empty_like(points, dtype=float)
+        for d in range(dim):
+            shift = np.zeros(dim)
+            shift[d] = step
+            gradient[:, d] = self.signed_distance(points + shift) - self.signed_distance(
+                points - shift
+            )
+        length = np.linalg.norm(gradient, axis=1, keepdims=True)
+        fallback = np.zeros(dim)
+        fallback[0] = 1.0
+        return np.where(length > 0, gradient / np.where(length > 0, length, 1.0), fallback)
+
+    def curvature(self, points: np.ndarray, step: float) -> np.ndarray:
+        """Mean of the principal curvatures (n,) in 1/m at surface points, positive if convex."""
+        dim = points.shape[1]
+        if dim == 1:
+            return np.zeros(len(points))
+        total = np.zeros(len(points))
+        for d in range(dim):
+            shift = np.zeros(dim)
+            shift[d] = step
+            forward = self.normal(points + shift, 0.1 * step)[:, d]
+            backward = self.normal(points - shift, 0.1 * step)[:, d]
+            total += (forward - backward) / (2 * step)
+        return total / (dim - 1)
+
+    def __or__(self, other: Shape) -> Shape:
+        return _Combined(self, other, np.minimum, "|")
+
+    def __and__(self, other: Shape) -> Shape:
+        return _Combined(self, other, np.maximum, "&")
+
+    def __sub__(self, other: Shape) -> Shape:
+        return self & ~other
+
+    def __invert__(self) -> Shape:
+        return _Complement(self)
+
+
+class _Combined(Shape):
+    def __init__(self, first: Shape, second: Shape, rule: np.ufunc, symbol: str):
+        self.first, self.second, self.rule, self.symbol = first, second, rule, symbol
+
+    def signed_distance(self, points: np.ndarray) -> np.ndarray:
+        return self.rule(self.first.signed_distance(points), self.second.signed_distance(points))
+
+    def __repr__(self) -> str:
+        return f"({self.first!r} {self.symbol} {self.second!r})"
+
+
+class _Complement(Shape):
+    def __init__(self, shape: Shape):
+        self.shape = shape
+
+    def signed_distance(self, points: np.ndarray) -> np.ndarray:
+        return -self.shape.signed_distance(points)
+
+    def __repr__(self) -> str:
+        return f"~{self.shape!r}"
+
+
+class Ball(Shape):
+    """An interval in 1D, a circle in 2D, a sphere in 3D.
+
+    Parameters
+    ----------
+    center
+        Coordinates in m.
+    radius
+        In m, positive.
+    """
+
+    def __init__(self, center: Sequence[float], radius: float):
+        if not radius > 0:
+            raise InputError("radius", radius, "positive")
+        self.center, self.radius = np.array(center, dtype=float), float(radius)
+
+    def signed_distance(self, points: np.ndarray) -> np.ndarray:
+        return np.linalg.norm(points - self.center, axis=1) - self.radius
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.center.tolist()}, {self.radius:g})"
+
+
+class Circle(Ball):
+    """A circle in the plane; see :class:`Ball`."""
+
+
+class Sphere(Ball):
+    """A sphere in space; see :class:`Ball`."""
+
+
+class HalfSpace(Shape):
+    """All points on one side of a plane.
+
+    Parameters
+    ----------
+    point
+        A point of the plane, in m.
+    normal
+        Points out of the half-space; need not have unit length.
+    """
+
+    def __init__(self, point: Sequence[float], normal: Sequence[float]):
+        self.point = np.array(point, dtype=float)
+        direction = np.array(normal, dtype=float)
+        length = np.linalg.norm(direction)
+        if not length > 0:
+            raise InputError("normal", normal, "different from zero")
+        self.direction = direction / length
+
+    def signed_distance(self, points: np.ndarray) -> np.ndarray:
+        return (points - self.point) @ self.direction
+
+    def __repr__(self) -> str:
+        return f"HalfSpace({self.point.tolist()}, {self.direction.tolist()})"
+
+
+class Box(Shape):
+    """A box with edges along the axes.
+
+    Parameters
+    ----------
+    lower, upper
+        Corners in m. Infinite numbers make slabs: ``Box((-inf, 0), (inf, H))``.
+    """
+
+    def __init__(self, lower: Sequence[float], upper: Sequence[float]):
+        self.lower, self.upper = np.array(lower, dtype=float), np.array(upper, dtype=float)
+        if np.any(self.upper <= self.lower):
+            raise InputError("upper", upper, f"greater than 'lower' = {list(lower)}")
+
+    def signed_distance(self, points: np.ndarray) -> np.ndarray:
+        beyond = np.maximum(self.lower - points, points - self.upper)
+        outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
+        return outside + np.minimum(beyond.max(axis=1), 0.0)
+
+    def __repr__(self) -> str:
+        return f"Box({self.lower.tolist()}, {self.upper.tolist()})"

@@ -1,0 +1,183 @@
+r"""Diffusion of species that are concentrations.
+
+With the amounts :math:`n_i = C_i V_i` (mol), volumes :math:`V_i = m_i/\rho_i`, the kernel's
+:math:`F = -W'/r` and the harmonic mean :math:`\bar\kappa_{ij}` of the diffusivities (so that a
+neighbour without diffusivity blocks),
+
+.. math:: \frac{dn_i}{dt} = \sum_j 2 \bar\kappa_{ij} V_i V_j F_{ij} s_{ij} (C_j - C_i),
+
+antisymmetric in i and j: amounts are conserved to round-off whatever the volumes do. The factor
+:math:`s_{ij}` is 1, or the symmetric normalisation :math:`2/(n_i + n_j)` with the kernel sum
+:math:`n_i = \frac1D \sum_j V_j F_{ij} r_{ij}^2`, which is 1 where the sums are exact.
+
+At wall particles with a surface value :math:`C_w` the difference :math:`C_j - C_i` becomes
+:math:`(1 + d_j/d_i)(C_w - C_i)`, see :mod:`particell.boundaries.wall`, with the fluid particle's
+diffusivity.
+
+References
+----------
+Monaghan, Rep. Prog. Phys. 68 (2005) 1703; Jacob, "SDPD-SSA" (2020), Eq. 11; Morris, Fox & Zhu,
+J. Comput. Phys. 136 (1997) 214 (the wall's values).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from particell.boundaries.wall import extrapolation, surface_distance
+from particell.compute.loop import particle_loop
+from particell.kernels import power, shape_f
+
+#: Explicit Euler steps are limited to this many h²/κ.
+STEP_LIMIT = 0.05
+
+
+@njit
+def separation_square(x, i, j, period, inverse_period, DIM):
+    """Squared distance of particles i and j, nearest images, in m²."""
+    dx = x[i, 0] - x[j, 0]
+    dx -= period[0] * np.rint(dx * inverse_period[0])
+    r2 = dx * dx
+    if DIM > 1:
+        dy = x[i, 1] - x[j, 1]
+        dy -= period[1] * np.rint(dy * inverse_period[1])
+        r2 += dy * dy
+    if DIM > 2:
+        dz = x[i, 2] - x[j, 2]
+        dz -= period[2] * np.rint(dz * inverse_period[2])
+        r2 += dz * dz
+    return r2
+
+
+@njit
+def pair_f(r2, h, alpha, DIM, KERNEL):
+    """F = -W'(r)/r of a pair with mean support h; alpha is the kernel's normalisation."""
+    return alpha / (power(h, DIM) * h * h) * shape_f(math.sqrt(r2) / h, KERNEL)
+
+
+@njit
+def surface_factor(
+    x, support, wall_normal, wall_depth, wall_curvature, i, j, period, inverse_period, DIM
+):
+    """1 + d_j/d_i for fluid particle i and wall particle j."""
+    tx, ty, tz, nx, ny, nz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    depth = wall_depth[j]
+    nx = wall_normal[j, 0]
+    tx = x[i, 0] - x[j, 0]
+    tx -= period[0] * np.rint(tx * inverse_period[0]) + depth * nx
+    if DIM > 1:
+        ny = wall_normal[j, 1]
+        ty = x[i, 1] - x[j, 1]
+        ty -= period[1] * np.rint(ty * inverse_period[1]) + depth * ny
+    if DIM > 2:
+        nz = wall_normal[j, 2]
+        tz = x[i, 2] - x[j, 2]
+        tz -= period[2] * np.rint(tz * inverse_period[2]) + depth * nz
+    distance = surface_distance(tx, ty, tz, nx, ny, nz, wall_curvature[j])
+    return extrapolation(distance, depth, support[i])
+
+
+@particle_loop
+def kernel_sums(
+    i,
+    x,
+    support,
+    volume,
+    start,
+    stop,
+    neighbours,
+    period,
+    inverse_period,
+    alpha,
+    kernel_sum,
+    *,
+    DIM,
+    KERNEL,
+    UNIFORM,
+):
+    """The sum n_i = (1/D) Σ V_j F_ij r_ij² over all neighbours, walls included."""
+    total = 0.0
+    h = support[i]
+    for k in range(start[i], stop[i]):
+        j = neighbours[k]
+        r2 = separation_square(x, i, j, period, inverse_period, DIM)
+        if not UNIFORM:
+            h = 0.5 * (support[i] + support[j])
+        total += volume[j] * pair_f(r2, h, alpha, DIM, KERNEL) * r2
+    kernel_sum[i] = total / DIM
+
+
+@particle_loop
+def diffuse(
+    i,
+    x,
+    support,
+    volume,
+    group,
+    kernel_sum,
+    start,
+    stop,
+    neighbours,
+    period,
+    inverse_period,
+    alpha,
+    tau,
+    columns,
+    pair_kappa,
+    status,
+    value,
+    wall_normal,
+    wall_depth,
+    wall_curvature,
+    concentration,
+    amount,
+    amount_booked,
+    *,
+    DIM,
+    KERNEL,
+    UNIFORM,
+    NORMALISE,
+    SURFACE,
+):
+    """Exchange of all diffusing species (``columns``) during tau; see the module's docstring.
+
+    ``pair_kappa`` (G, G, S) holds the mean diffusivity of a pair of groups. What comes through
+    surface values is booked by the fluid particle.
+    """
+    g = group[i]
+    h = support[i]
+    for k in range(start[i], stop[i]):
+        j = neighbours[k]
+        r2 = separation_square(x, i, j, period, inverse_period, DIM)
+        if not UNIFORM:
+            h = 0.5 * (support[i] + support[j])
+        both = volume[i] * volume[j]
+        weight = 2.0 * tau * both * pair_f(r2, h, alpha, DIM, KERNEL)
+        if NORMALISE:
+            weight *= 2.0 / (kernel_sum[i] + kernel_sum[j])
+        other = group[j]
+        for m in range(len(columns)):
+            s = columns[m]
+            flux = weight * pair_kappa[g, other, s]
+            if SURFACE and status[other, s] == 2:
+                if flux > 0.0:
+                    flux *= surface_factor(
+                        x,
+                        support,
+                        wall_normal,
+                        wall_depth,
+                        wall_curvature,
+                        i,
+                        j,
+                        period,
+                        inverse_period,
+                        DIM,
+                    )
+                    flux *= value[other, s] - concentration[i, s]
+                    amount_booked[i, s] += flux
+            else:
+                flux *= concentration[j, s] - concentration[i, s]
+            amount[i, s] += flux

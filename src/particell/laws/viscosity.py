@@ -1,0 +1,39 @@
+r"""Viscous force with shear and bulk viscosity, right in D = 1, 2, 3 dimensions.
+
+.. math::
+
+   m_i a_i = -\sum_j \left[a_{ij} v_{ij} + b_{ij}\, e\,(e\cdot v_{ij})\right],\quad
+   a = (2\eta-\lambda)\,\frac{F_{ij}}{d_i d_j},\quad b = (D+2)\,\lambda\,\frac{F_{ij}}{d_i d_j},
+   \quad \lambda = \zeta + \eta\,(1 - 2/D)
+
+with number densities :math:`d = \rho/m` and :math:`e = x_{ij}/r`. This is the form of Español &
+Revenga (Phys. Rev. E 67 (2003) 026705, Eq. 30) written for any D: with D = 3 the coefficients are
+5η/3 − ζ and 5(ζ + η/3). Using those in two dimensions would give 25/24 of the viscosity.
+"""
+
+from __future__ import annotations
+
+from numba import njit
+
+from particell.errors import InputError
+
+
+def friction_coefficients(shear: float, bulk: float, dim: int) -> tuple[float, float]:
+    """The factors 2η − λ and (D+2)λ of F/(d_i d_j), in Pa s.
+
+    Raises
+    ------
+    InputError
+        Where 2η < λ, for which the transverse friction would be negative.
+    """
+    lam = bulk + shear * (1.0 - 2.0 / dim)
+    transverse, radial = 2.0 * shear - lam, (dim + 2) * lam
+    if transverse < 0 or transverse + radial < 0:
+        raise InputError("bulk_viscosity", bulk, f"such that 0 <= 2η − λ; here λ = {lam:g} Pa s")
+    return transverse, radial
+
+
+@njit
+def pair_friction(f, volume_i, volume_j):
+    """F/(d_i d_j) = F V_i V_j, what :func:`friction_coefficients` are multiplied by."""
+    return f * volume_i * volume_j

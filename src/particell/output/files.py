@@ -1,0 +1,103 @@
+"""Writing files so that a crash, a full disk or a kill leaves the last good one."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from particell.errors import InputError, ParticellError
+
+
+class OutputError(ParticellError, OSError):
+    """A file could not be written (full disk, no permission): one line that says which and why."""
+
+
+class CheckpointError(ParticellError, ValueError):
+    """A checkpoint that cannot be read: one line that says which and why."""
+
+
+def reason(error: BaseException) -> str:
+    """The cause of a failed file operation in a few words."""
+    if isinstance(error, OSError) and error.errno:
+        return os.strerror(error.errno)
+    # HDF5 wraps the system's own words in many of its own.
+    if found := re.search(r"error message = '([^']+)'", str(error)):
+        return found.group(1)
+    return (str(error) or type(error).__name__).splitlines()[0]
+
+
+def sync_directory(directory: Path) -> None:
+    """Make renames in a directory survive a power failure (where the system has this call)."""
+    if os.name != "posix":
+        return
+    handle = os.open(directory, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+@contextlib.contextmanager
+def replacing(path: str | Path) -> Iterator[Path]:
+    """Write a file anew without ever leaving a half-written one under its name.
+
+    Gives the path of a new file beside ``path``; at the end of the block that file is flushed to
+    the disk and takes the name. Where the block fails the new file is removed and the old one is
+    left as it was.
+
+    Raises
+    ------
+    OutputError
+        Where the operating system refuses.
+    """
+    path = Path(path)
+    # The process id keeps two writers apart; the suffix stays last, as some libraries look at it.
+    partial = path.with_name(f".{path.stem}.{os.getpid()}.partial{path.suffix}")
+    try:
+        yield partial
+        with open(partial, "rb+") as handle:
+            os.fsync(handle.fileno())
+        os.replace(partial, path)
+        sync_directory(path.parent)
+    except OSError as error:
+        if isinstance(error, OutputError):
+            raise
+        raise OutputError(f"cannot write {path}: {reason(error)}") from error
+    finally:
+        with contextlib.suppress(OSError):
+            partial.unlink(missing_ok=True)
+
+
+def write_json(path: str | Path, content: Any) -> None:
+    """Write JSON (standard JSON: non-finite numbers become null) atomically."""
+    text = json.dumps(plain(content), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    with replacing(path) as partial:
+        partial.write_text(text, encoding="utf-8")
+
+
+def read_json(path: str | Path, key: str) -> Any:
+    """Read JSON; a missing or damaged file is an :class:`InputError` about ``key``."""
+    try:
+        return json.loads(Path(path).read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError(key, str(path), f"a readable JSON file ({reason(error)})") from None
+
+
+def plain(value: Any) -> Any:
+    """The same content in the types that JSON has."""
+    if isinstance(value, dict):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple | set | frozenset):
+        return [plain(item) for item in value]
+    if hasattr(value, "tolist"):  # NumPy arrays and scalars
+        return plain(value.tolist())
+    if isinstance(value, float):
+        return value if value - value == 0 else None
+    if value is None or isinstance(value, bool | int | str):
+        return value
+    return str(value)

@@ -1,0 +1,167 @@
+"""Where the frames of a run lie: in a trajectory file, or in memory."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Protocol
+
+import h5py
+import numpy as np
+
+from particell.errors import unknown_name
+from particell.geometry.domain import AXES, Domain
+from particell.output.trajectory import PARTICLES, element_names, open_trajectory, text
+
+# What indexes the frames of a series: as NumPy does.
+Index = Any
+
+
+class Source(Protocol):
+    """What :class:`~particell.output.run.Run` reads from."""
+
+    @property
+    def domain(self) -> Domain: ...
+    @property
+    def groups(self) -> list[str]: ...
+    @property
+    def steps(self) -> np.ndarray: ...
+    @property
+    def times(self) -> np.ndarray: ...
+    def fields(self) -> list[str]: ...
+    def observables(self) -> list[str]: ...
+    def shape(self, name: str) -> tuple[tuple[int, ...], np.dtype]: ...
+    def read(self, name: str, index: Index) -> np.ndarray: ...
+    def observable(self, name: str) -> np.ndarray: ...
+    def static(self) -> dict[str, np.ndarray]: ...
+
+
+class MemorySource:
+    """Frames kept in lists, which may grow."""
+
+    def __init__(
+        self,
+        domain: Domain,
+        groups: Sequence[str],
+        static: Mapping[str, np.ndarray],
+        steps: Sequence[int],
+        times: Sequence[float],
+        frames: Sequence[Mapping[str, np.ndarray]],
+        observables: Sequence[Mapping[str, float]],
+    ):
+        self.domain, self.groups = domain, list(groups)
+        self._static = dict(static)
+        self._steps, self._times = steps, times
+        self._frames, self._observables = frames, observables
+
+    @property
+    def steps(self) -> np.ndarray:
+        return np.array(self._steps, np.int64)
+
+    @property
+    def times(self) -> np.ndarray:
+        return np.array(self._times, float)
+
+    def fields(self) -> list[str]:
+        return sorted(self._frames[0]) if self._frames else []
+
+    def observables(self) -> list[str]:
+        return sorted(self._observables[0]) if self._observables else []
+
+    def shape(self, name: str) -> tuple[tuple[int, ...], np.dtype]:
+        first = np.asarray(self._frames[0][name])
+        return (len(self._frames), *first.shape), first.dtype
+
+    def read(self, name: str, index: Index) -> np.ndarray:
+        frames, rest = (index[0], index[1:]) if isinstance(index, tuple) else (index, ())
+        if isinstance(frames, int | np.integer):
+            return np.asarray(self._frames[frames][name])[rest]
+        chosen = np.arange(len(self._frames))[frames]
+        return np.stack([self._frames[k][name] for k in chosen])[(slice(None), *rest)]
+
+    def observable(self, name: str) -> np.ndarray:
+        return np.array([values[name] for values in self._observables], float)
+
+    def static(self) -> dict[str, np.ndarray]:
+        return self._static
+
+
+class FileSource:
+    """Frames in an H5MD file, opened anew for every access, so that it may still be growing."""
+
+    def __init__(self, path: Path):
+        self.path = path
+        with open_trajectory(path) as file:
+            box = file[f"{PARTICLES}/box"].attrs
+            boundary = [text(b) for b in box["boundary"]]
+            self.domain = Domain(
+                box["lower"],
+                box["upper"],
+                "".join(a for a, b in zip(AXES, boundary, strict=False) if b == "periodic"),
+                float(box["depth"]) if "depth" in box else None,
+            )
+            kinds = h5py.check_enum_dtype(file[f"{PARTICLES}/species"].dtype)
+            self.groups = sorted(kinds, key=kinds.__getitem__)
+            self._fields = sorted(element_names(file[PARTICLES]))
+            # In SWMR mode the observables are there from the start, though they grow later.
+            known = file.get("observables")
+            self._observables = sorted(element_names(known)) if known else []
+
+    @contextmanager
+    def _open(self) -> Iterator[tuple[h5py.File, int]]:
+        with open_trajectory(self.path) as file:
+            yield file, len(file[f"{PARTICLES}/position/step"])
+
+    @property
+    def steps(self) -> np.ndarray:
+        with self._open() as (file, n):
+            return file[f"{PARTICLES}/position/step"][:n]
+
+    @property
+    def times(self) -> np.ndarray:
+        with self._open() as (file, n):
+            return file[f"{PARTICLES}/position/time"][:n]
+
+    def fields(self) -> list[str]:
+        return self._fields
+
+    def observables(self) -> list[str]:
+        return self._observables
+
+    def shape(self, name: str) -> tuple[tuple[int, ...], np.dtype]:
+        with self._open() as (file, n):
+            dataset = file[f"{PARTICLES}/{name}/value"]
+            return (n, *dataset.shape[1:]), dataset.dtype
+
+    def read(self, name: str, index: Index) -> np.ndarray:
+        with self._open() as (file, n):
+            frames, rest = (index[0], index[1:]) if isinstance(index, tuple) else (index, ())
+            dataset = file[f"{PARTICLES}/{name}/value"]
+            # A row beyond the last step is one that is being written: never look at it.
+            chosen = np.arange(n)[frames]
+            if chosen.ndim == 0:
+                return dataset[int(chosen)][rest]
+            if not chosen.size:
+                return np.zeros((0, *dataset.shape[1:]), dataset.dtype)[(slice(None), *rest)]
+            first, last = int(chosen.min()), int(chosen.max())
+            return dataset[first : last + 1][chosen - first][(slice(None), *rest)]
+
+    def observable(self, name: str) -> np.ndarray:
+        with self._open() as (file, n):
+            return file[f"observables/{name}/value"][:n]
+
+    def static(self) -> dict[str, np.ndarray]:
+        with self._open() as (file, _):
+            particles = file[PARTICLES]
+            found = {k: v[()] for k, v in particles.items() if isinstance(v, h5py.Dataset)}
+        if "species" in found:
+            found["group"] = np.asarray(found.pop("species"), np.int32)
+        return found
+
+
+def known(what: str, name: str, names: Sequence[str]) -> str:
+    """The name, if it is one of those; else an :class:`~particell.errors.InputError`."""
+    if name not in names:
+        raise unknown_name(what, name, names)
+    return name

@@ -1,0 +1,75 @@
+"""``summary.json``: what a run was, how good it is, and how fast it went."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Mapping
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from particell.output.files import write_json
+
+LIBRARIES = ("numpy", "numba", "scipy", "h5py")
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python and of the libraries that results may depend on."""
+    found = {"python": platform.python_version()}
+    for name in LIBRARIES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return found
+
+
+def write_summary(
+    path: str | Path,
+    *,
+    case: str,
+    parameters: Mapping[str, Any],
+    seed: int,
+    metrics: Mapping[str, Mapping[str, Any]],
+    conservation: Mapping[str, float],
+    performance: Mapping[str, Any],
+    settings: Mapping[str, Any],
+) -> dict[str, Any]:
+    """Write a summary atomically.
+
+    Parameters
+    ----------
+    path
+        The file.
+    case
+        Name of the case.
+    parameters
+        All of them: ``{name: {"value": …, "unit": …}}``.
+    seed
+        Of the random numbers.
+    metrics
+        ``{name: {"value": …, "paper": …, "limit": …, "unit": …}}``.
+    conservation
+        By how much momentum and amounts drifted.
+    performance
+        Particles, steps, seconds, speed, events.
+    settings
+        Backend, precision, threads, kernel, support, skin, time step, depth.
+
+    Returns
+    -------
+    dict
+        What was written.
+    """
+    summary = {
+        "case": case,
+        "version": version("particell"),
+        "parameters": dict(parameters),
+        "seed": seed,
+        "metrics": {name: dict(metric) for name, metric in metrics.items()},
+        "conservation": dict(conservation),
+        "performance": dict(performance),
+        "settings": {**settings, "versions": versions()},
+    }
+    write_json(path, summary)
+    return summary

@@ -1,0 +1,83 @@
+"""What integrators do to single particles: kicks, drifts, densities, equation of state."""
+
+from __future__ import annotations
+
+from particell.compute.loop import particle_loop
+from particell.materials import pressure_of
+
+
+@particle_loop
+def kick(i, v, a, dt, *, DIM):
+    """v += dt a."""
+    for d in range(DIM):
+        v[i, d] += dt * a[i, d]
+
+
+@particle_loop
+def drift(i, x, v, dt, *, DIM):
+    """x += dt v."""
+    for d in range(DIM):
+        x[i, d] += dt * v[i, d]
+
+
+@particle_loop
+def equation_of_state(
+    i,
+    is_wall,
+    group,
+    mass,
+    density,
+    density_rate,
+    dt,
+    reference,
+    sound_speed,
+    exponent,
+    background,
+    pressure,
+    pressure_term,
+    volume,
+):
+    """ρ += dt dρ/dt, then pressure, P/ρ² and volume; walls get their pressure from the fluid."""
+    if is_wall[i]:
+        return
+    rho = density[i] + dt * density_rate[i]
+    g = group[i]
+    p = pressure_of(rho, reference[g], sound_speed[g], exponent[g], background[g])
+    density[i] = rho
+    pressure[i] = p
+    pressure_term[i] = p / (rho * rho)
+    volume[i] = mass[i] / rho
+
+
+@particle_loop
+def remember(i, x, v, density, a, density_rate, x0, v0, density0, a0, density_rate0, *, DIM):
+    """Keep the state and its rates for the corrector of the trapezoidal rule."""
+    for d in range(DIM):
+        x0[i, d] = x[i, d]
+        v0[i, d] = v[i, d]
+        a0[i, d] = a[i, d]
+    density0[i] = density[i]
+    density_rate0[i] = density_rate[i]
+
+
+@particle_loop
+def predict(i, is_wall, x, v, density, a, density_rate, dt, *, DIM):
+    """The Euler predictor: x, v and ρ a step on with the rates at its beginning."""
+    for d in range(DIM):
+        x[i, d] += dt * v[i, d]
+        v[i, d] += dt * a[i, d]
+    if not is_wall[i]:
+        density[i] += dt * density_rate[i]
+
+
+@particle_loop
+def correct(
+    i, is_wall, x, v, density, a, density_rate, x0, v0, density0, a0, density_rate0, dt, *, DIM
+):
+    """The trapezoidal corrector: the mean of the rates at both ends of the step."""
+    half = 0.5 * dt
+    for d in range(DIM):
+        x[i, d] = x0[i, d] + half * (v0[i, d] + v[i, d])
+        v[i, d] = v0[i, d] + half * (a0[i, d] + a[i, d])
+    if not is_wall[i]:
+        density[i] = density0[i] + half * (density_rate0[i] + density_rate[i])

@@ -1,0 +1,129 @@
+"""Quantities with units at the edge: ``"347 um^2/s"`` in, plain SI numbers inside.
+
+A parameter of a case is declared with the unit it is kept in::
+
+    diffusivity: Annotated[float, Quantity("m^2/s")] = 1e-9
+    radius: Length = 2.5e-6
+
+and accepts a number in that unit, or text with any unit of the same dimension. Amounts of
+substance become numbers of molecules where the unit calls for it: ``"10 nM"`` is a valid
+``Quantity("1/m^3")``.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any
+
+from particell.errors import InputError
+
+if TYPE_CHECKING:
+    from pint import UnitRegistry
+    from pydantic import GetCoreSchemaHandler
+    from pydantic_core import CoreSchema
+
+
+@functools.cache
+def registry() -> UnitRegistry:
+    """The one registry of units (loading it takes a moment, so only when it is needed)."""
+    import pint
+
+    # Offset units such as degC are converted rather than refused.
+    units = pint.UnitRegistry(autoconvert_offset_to_baseunit=True)
+    units.define("molecule = count = molecules")
+    return units
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """The unit of a parameter, as metadata of an annotated type.
+
+    Parameters
+    ----------
+    unit
+        An SI unit in pint's notation; empty for a plain number.
+    """
+
+    unit: str
+
+    def convert(self, value: Any) -> float:
+        """A number, or text with a unit, as a number in this unit.
+
+        Raises
+        ------
+        ValueError
+            Says what is allowed, as a phrase.
+        """
+        if isinstance(value, bool) or not isinstance(value, int | float | str):
+            raise ValueError(self.allowed)
+        try:
+            number = float(value)
+        except ValueError:
+            number = self._parse(str(value))
+        if not math.isfinite(number):
+            raise ValueError(self.allowed)
+        return number
+
+    @property
+    def allowed(self) -> str:
+        """What is allowed, as a phrase."""
+        if not self.unit:
+            return "a number"
+        return f"a number in {self.unit}, or text with a unit of that dimension"
+
+    def _parse(self, text: str) -> float:
+        import pint
+
+        units = registry()
+        try:
+            target = units.Unit(self.unit)
+            quantity = units.Quantity(text)
+            moles = quantity.dimensionality.get("[substance]", 0)
+            if moles and "[substance]" not in target.dimensionality:
+                quantity = quantity * units.Quantity("avogadro_constant") ** moles
+            return float(quantity.to(target).magnitude)
+        except pint.DimensionalityError as error:
+            found = str(error.units1)
+            raise ValueError(f"{self.allowed} ('{found}' is of another)") from None
+        except (pint.PintError, ArithmeticError, AttributeError, ValueError, TypeError):
+            raise ValueError(self.allowed) from None
+        except Exception as error:  # pint lets errors of Python's tokenizer through
+            raise ValueError(self.allowed) from error
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        from pydantic_core import core_schema
+
+        return core_schema.no_info_before_validator_function(self.convert, handler(source))
+
+
+def parse(key: str, value: float | str, unit: str) -> float:
+    """A number, or text with a unit, as a number in ``unit``.
+
+    Raises
+    ------
+    InputError
+        Naming ``key``, where the text is no quantity or of another dimension.
+    """
+    try:
+        return Quantity(unit).convert(value)
+    except ValueError as error:
+        raise InputError(key, value, str(error)) from None
+
+
+Number = Annotated[float, Quantity("")]
+Length = Annotated[float, Quantity("m")]
+Time = Annotated[float, Quantity("s")]
+Velocity = Annotated[float, Quantity("m/s")]
+Mass = Annotated[float, Quantity("kg")]
+Density = Annotated[float, Quantity("kg/m^3")]
+Pressure = Annotated[float, Quantity("Pa")]
+Viscosity = Annotated[float, Quantity("Pa*s")]
+Acceleration = Annotated[float, Quantity("m/s^2")]
+Diffusivity = Annotated[float, Quantity("m^2/s")]
+Temperature = Annotated[float, Quantity("K")]
+Rate = Annotated[float, Quantity("1/s")]
+Concentration = Annotated[float, Quantity("1/m^3")]

@@ -1,0 +1,83 @@
+"""Small particle systems for the tests of chemistry."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pytest
+
+from particell.chemistry.engine import Chemistry
+from particell.compute.device import Device
+from particell.compute.neighbours import NeighbourList
+from particell.geometry.domain import Domain
+from particell.particles import Group, Particles
+
+
+@dataclass
+class Lattice:
+    """A (disturbed) lattice of side^dim particles in a box of length ``length``."""
+
+    side: int = 6
+    dim: int = 2
+    length: float = 1e-5
+    depth: float = 1e-6
+    disturb: float = 0.0
+    periodic: str | None = None
+    groups: Sequence[Group] = (Group("fluid", "fluid", 0),)
+    group_of: Callable[[np.ndarray], np.ndarray] | None = None
+    support: float = 3.0
+    walls: dict[str, Any] = field(default_factory=dict)
+
+    def particles(self) -> tuple[Device, Particles, NeighbourList]:
+        device = Device()
+        axes = "xyz"[: self.dim] if self.periodic is None else self.periodic
+        domain = Domain((0,) * self.dim, (self.length,) * self.dim, periodic=axes)
+        n, dx = self.side**self.dim, self.length / self.side
+        particles = Particles(device, n, self.dim, list(self.groups))
+        line = (np.arange(self.side) + 0.5) * dx
+        x = np.stack(np.meshgrid(*[line] * self.dim, indexing="ij"), -1).reshape(n, self.dim)
+        noise = np.random.default_rng(3)
+        x = x + self.disturb * dx * noise.uniform(-1, 1, x.shape)
+        particles.set("x", x)
+        particles.set("support", self.support * dx)
+        volume = dx**self.dim * self.depth ** (3 - self.dim)
+        particles.set("density", 1000.0)
+        spread = 1 + self.disturb * noise.uniform(-1, 1, n)
+        particles.set("mass", 1000.0 * volume * spread)
+        if self.group_of is not None:
+            group = np.asarray(self.group_of(x), np.int32)
+            particles.set("group", group)
+            is_wall = np.array([g.kind == "wall" for g in self.groups])[group]
+            particles.set("is_wall", is_wall.astype(np.uint8))
+        for name, values in self.walls.items():
+            given = np.asarray(values(x), float)
+            particles.add(name, given.shape[1] if given.ndim > 1 else 0, values=given)
+        reach = self.support * dx
+        neighbours = NeighbourList(
+            device,
+            domain,
+            n,
+            reach,
+            0.1 * reach,
+            domain.lower,
+            domain.upper,
+            True,
+            self.group_of is not None,
+        )
+        return device, particles, neighbours
+
+    def chemistry(self, species, reactions=(), boundaries=(), **options) -> Chemistry:
+        device, particles, neighbours = self.particles()
+        Chemistry.add_fields(particles, species)
+        neighbours.build(particles)
+        return Chemistry(
+            device, particles, neighbours, species, reactions, boundaries, **options
+        )
+
+
+@pytest.fixture
+def lattice() -> type[Lattice]:
+    return Lattice

@@ -6,7 +6,7 @@ It has the interface of a real case and a real simulation, for tests of everythi
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -23,14 +23,13 @@ from particell.output.trajectory import TrajectoryWriter
 class WalkSimulation:
     """What :class:`particell.simulation.Simulation` promises, as far as output needs it."""
 
-    settings = {"kernel": "lucy", "support": 3e-6, "dt": 0.1}
-
     def __init__(self, case: Walk, seed: int):
         self.case = case
         self.domain = Domain((0, 0), (case.side, case.side), periodic="xy")
         self.random = np.random.Generator(np.random.Philox(seed))
         self.position = self.random.random((case.particles, 2)) * case.side
         self.step, self.dt = 0, 0.1
+        self.settings = {"kernel": "lucy", "support": 3e-6, "dt": self.dt}
 
     @property
     def time(self) -> float:
@@ -95,7 +94,7 @@ class WalkSimulation:
                         "not finite", step=self.step, time=self.time, field="v", particle=3
                     )
                 if self.step == self.case.interrupt_at:
-                    raise Interrupted(out)
+                    raise Interrupted(str(out), step=self.step, time=self.time)
                 write_checkpoint(out / CHECKPOINT, self.state(), {"step": self.step})
         return Run(out)
 
@@ -103,7 +102,7 @@ class WalkSimulation:
 class Walk(Case):
     name = "walk"
     title = "Random walkers in a periodic box"
-    full = {"particles": 64}
+    full: ClassVar = {"particles": 64}
 
     side: Annotated[Length, Field(gt=0)] = 10e-6
     """Edge of the box."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import subprocess
 import sys
 
@@ -21,25 +22,29 @@ def walk(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
 
 
-def fails(capsys, status: int, *words: str, arguments: str | list[str]) -> None:
+def particell(line: str) -> int:
+    """Exit status of a command line."""
+    return call(shlex.split(line))
+
+
+def fails(capsys, status: int, *words: str, line: str) -> None:
     """Check the status, and that one line on stderr has these words."""
-    given = arguments.split() if isinstance(arguments, str) else arguments
-    assert call(given) == status
-    line = capsys.readouterr().err.strip()
-    assert "\n" not in line
+    assert particell(line) == status
+    error = capsys.readouterr().err.strip()
+    assert "\n" not in error
     for word in words:
-        assert word in line
+        assert word in error
 
 
 def test_list(capsys):
-    assert call(["list"]) == 0
+    assert particell("list") == 0
     assert capsys.readouterr().out == "walk  Random walkers\n"
-    assert call(["list", "walk"]) == 0
-    assert "diffusivity    1e-12 m^2/s" in capsys.readouterr().out
+    assert particell("list walk") == 0
+    assert "diffusivity   1e-12 m^2/s" in capsys.readouterr().out
 
 
 def test_run_leaves_what_it_promises(tmp_path, capsys):
-    assert call("run walk --seed 5 --threads 1 --no-progress --set".split() + ["side=20 um"]) == 0
+    assert particell("run walk --seed 5 --threads 1 --no-progress --set 'side=20 um'") == 0
     assert "spread" in (table := capsys.readouterr().out) and "ok" in table
     out = tmp_path / "out" / "walk"
     assert {p.name for p in out.iterdir()} == {
@@ -65,74 +70,74 @@ def test_run_leaves_what_it_promises(tmp_path, capsys):
 
 
 def test_metric_beyond_its_limit_is_status_1(capsys):
-    assert call("run walk --set limit=1e-6".split()) == 1
+    assert particell("run walk --set limit=1e-6") == 1
     assert "FAILED" in capsys.readouterr().out
 
 
 def test_wrong_input_is_one_line_and_status_2(capsys, tmp_path):
-    fails(capsys, 2, "did you mean 'walk'", arguments="run wlak")
-    fails(capsys, 2, "did you mean 'side'", arguments="run walk --set sid=1")
-    fails(capsys, 2, "particles = 2", "greater than", arguments="run walk --set particles=2")
-    fails(capsys, 2, "valid integer", arguments="run walk --set particles=4.5")
-    fails(capsys, 2, "side = '3 kg'", "a number in m", arguments=["run", "walk", "--set", "side=3 kg"])
-    fails(capsys, 2, "side = -1.0", "greater than 0 m", arguments="run walk --set side=-1.0")
-    fails(capsys, 2, "KEY=VALUE", arguments="run walk --set side")
-    fails(capsys, 2, "threads = 9999", arguments="run walk --threads 9999")
-    fails(capsys, 2, "luckier", arguments="run walk --set particles=13")
-    fails(capsys, 2, "seed = -1", arguments="run walk --seed -1")
+    fails(capsys, 2, "did you mean 'walk'", line="run wlak")
+    fails(capsys, 2, "did you mean 'side'", line="run walk --set sid=1")
+    fails(capsys, 2, "particles = 2", "greater than", line="run walk --set particles=2")
+    fails(capsys, 2, "valid integer", line="run walk --set particles=4.5")
+    fails(capsys, 2, "side = '3 kg'", "a number in m", line="run walk --set 'side=3 kg'")
+    fails(capsys, 2, "side = -1.0", "greater than 0 m", line="run walk --set side=-1.0")
+    fails(capsys, 2, "KEY=VALUE", line="run walk --set side")
+    fails(capsys, 2, "threads = 9999", line="run walk --threads 9999")
+    fails(capsys, 2, "luckier", line="run walk --set particles=13")
+    fails(capsys, 2, "seed = -1", line="run walk --seed -1")
     assert not (tmp_path / "out").exists()
-    assert call(["run", "walk", "--backend", "abacus"]) == 2
-    assert call(["nonsense"]) == 2
+    assert particell("run walk --backend abacus") == 2
+    assert particell("nonsense") == 2
 
 
 def test_output_directory_is_refused(capsys, tmp_path):
     (tmp_path / "used").mkdir()
     (tmp_path / "used" / "thesis.tex").write_text("precious")
-    fails(capsys, 2, "--overwrite", arguments="run walk --out used")
-    assert call("run walk --out used --overwrite".split()) == 0
+    fails(capsys, 2, "--overwrite", line="run walk --out used")
+    assert particell("run walk --out used --overwrite") == 0
     assert (tmp_path / "used" / "thesis.tex").read_text() == "precious"
     capsys.readouterr()
     (tmp_path / "file").touch()
-    fails(capsys, 2, "out = 'file/x'", "written to", arguments="run walk --out file/x")
+    fails(capsys, 2, "out = 'file/x'", "written to", line="run walk --out file/x")
 
 
 def test_toml_file(capsys, tmp_path):
     file = tmp_path / "my.toml"
     file.write_text('case = "walk"\n[parameters]\nside = "30 um"\nparticles = 9\n')
-    assert call("run my.toml --set particles=8 --out here".split()) == 0
+    assert particell("run my.toml --set particles=8 --out here") == 0
     summary = json.loads((tmp_path / "here" / "summary.json").read_text())
     assert summary["parameters"]["particles"]["value"] == 8
     assert summary["parameters"]["side"]["value"] == pytest.approx(3e-5)
     capsys.readouterr()
     file.write_text('case = "walk"\n[parametres]\n')
-    fails(capsys, 2, "did you mean 'parameters'", arguments="run my.toml")
+    fails(capsys, 2, "did you mean 'parameters'", line="run my.toml")
     file.write_text("case = walk")
-    fails(capsys, 2, "valid TOML", arguments="run my.toml")
-    fails(capsys, 2, "readable file", arguments="run missing.toml")
+    fails(capsys, 2, "valid TOML", line="run my.toml")
+    fails(capsys, 2, "readable file", line="run missing.toml")
     file.write_text('case = "walk"\n[parameters]\nside = "soon"\n')
-    fails(capsys, 2, "side = 'soon'", arguments="run my.toml")
+    fails(capsys, 2, "side = 'soon'", line="run my.toml")
 
 
 def test_broken_run_says_how_to_go_on(capsys, tmp_path):
-    assert call("run walk --set break_at=6 --out b".split()) == 3
+    assert particell("run walk --set break_at=6 --out b") == 3
     error = capsys.readouterr().err
     assert "particle 3 at step 6" in error
     assert "particell resume b" in error
     assert (tmp_path / "b" / "checkpoint.h5").exists()
-    assert call("run walk --set break_at=1 --out c".split()) == 3
+    assert particell("run walk --set break_at=1 --out c") == 3
     assert "no checkpoint" in capsys.readouterr().err
 
 
 def test_interrupted_run_resumes_bit_for_bit(capsys, tmp_path):
-    assert call("run walk --seed 3 --out whole".split()) == 0
-    assert call("run walk --seed 3 --set interrupt_at=6 --out parts".split()) == 130
+    assert particell("run walk --seed 3 --out whole") == 0
+    assert particell("run walk --seed 3 --set interrupt_at=6 --out parts") == 130
     assert "particell resume parts" in capsys.readouterr().err
     # The last checkpoint is of step 5; step 6 is in the trajectory already and must be redone.
     assert Run(tmp_path / "parts").steps[-1] == 6
     case = json.loads((tmp_path / "parts" / "case.json").read_text())
     case["parameters"]["interrupt_at"] = -1
     (tmp_path / "parts" / "case.json").write_text(json.dumps(case))
-    assert call(["resume", "parts"]) == 0
+    assert particell("resume parts") == 0
     one, two = Run(tmp_path / "whole"), Run(tmp_path / "parts")
     assert np.array_equal(one.steps, two.steps)
     assert np.array_equal(one.field("position")[:], two.field("position")[:])
@@ -140,44 +145,44 @@ def test_interrupted_run_resumes_bit_for_bit(capsys, tmp_path):
 
 
 def test_resume_refuses_what_is_no_run(capsys, tmp_path):
-    fails(capsys, 2, "case.json", arguments="resume nowhere")
-    assert call("run walk --out a".split()) == 0
+    fails(capsys, 2, "case.json", line="resume nowhere")
+    assert particell("run walk --out a") == 0
     (tmp_path / "a" / "checkpoint.h5").write_bytes(b"garbage")
     capsys.readouterr()
-    fails(capsys, 2, "checkpoint", "damaged", arguments="resume a")
+    fails(capsys, 2, "checkpoint", "damaged", line="resume a")
     (tmp_path / "a" / "checkpoint.h5").unlink()
-    fails(capsys, 2, "there is no checkpoint", arguments="resume a")
+    fails(capsys, 2, "there is no checkpoint", line="resume a")
     (tmp_path / "a" / "case.json").write_text("{}")
-    fails(capsys, 2, "case file", arguments="resume a")
+    fails(capsys, 2, "case file", line="resume a")
 
 
 def test_plot_and_export(capsys, tmp_path):
-    assert call("run walk --out a".split()) == 0
+    assert particell("run walk --out a") == 0
     (tmp_path / "a" / "spread.png").unlink()
     capsys.readouterr()
-    assert call(["plot", "a"]) == 0
+    assert particell("plot a") == 0
     assert capsys.readouterr().out.strip().endswith("spread.png")
     assert (tmp_path / "a" / "spread.png").exists()
-    assert call("export a --to vtkhdf".split()) == 0
+    assert particell("export a --to vtkhdf") == 0
     with h5py.File(tmp_path / "a" / "run.vtkhdf") as file:
         assert file["VTKHDF/Steps"].attrs["NSteps"] == 11
     capsys.readouterr()
-    fails(capsys, 2, "trajectory", arguments="export nowhere")
+    fails(capsys, 2, "trajectory", line="export nowhere")
 
 
 def test_validate(capsys):
-    assert call(["validate"]) == 0
+    assert particell("validate") == 0
     assert "1 of 1 cases passed" in capsys.readouterr().out
-    assert call("validate walk --full --out v".split()) == 0
+    assert particell("validate walk --full --out v") == 0
     assert Run("v/walk").field("position").shape == (11, 64, 2)
     capsys.readouterr()
-    fails(capsys, 2, "--overwrite", arguments="validate --out v")
+    fails(capsys, 2, "--overwrite", line="validate --out v")
 
 
 def test_info_and_version(capsys):
-    assert call(["info"]) == 0
+    assert particell("info") == 0
     assert "threads" in capsys.readouterr().out
-    assert call(["--version"]) == 0
+    assert particell("--version") == 0
     assert capsys.readouterr().out.startswith("particell ")
 
 

@@ -226,8 +226,8 @@ def guarded(directory: Path, action: Callable[[], int]) -> int:
 
     try:
         return action()
-    except Interrupted:
-        click.echo(f"interrupted; go on with: particell resume {directory}", err=True)
+    except Interrupted as error:
+        click.echo(_one_line(error), err=True)  # says how to go on
         return INTERRUPTED
     except (RunError, OutputError) as error:
         click.echo(f"the run broke: {_one_line(error)}", err=True)
@@ -269,7 +269,7 @@ def call(arguments: Sequence[str] | None = None) -> int:
     except click.ClickException as error:
         error.show()
         return error.exit_code
-    except (click.Abort, KeyboardInterrupt, Interrupted):
+    except (click.Abort, KeyboardInterrupt):
         click.echo("interrupted", err=True)
         return INTERRUPTED
     except OutputError as error:

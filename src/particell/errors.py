@@ -56,3 +56,20 @@ class RunError(ParticellError, RuntimeError):
         super().__init__(
             f"{message}: field '{field}' of particle {particle} at step {step}, t = {time:.6g} s"
         )
+
+
+class Interrupted(ParticellError):
+    """The user stopped the run (Ctrl-C); its state is in the checkpoint.
+
+    Parameters
+    ----------
+    directory
+        The run's directory, or None where nothing was written.
+    step, time
+        Where it stopped.
+    """
+
+    def __init__(self, directory: str | None, *, step: int, time: float):
+        self.directory, self.step, self.time = directory, step, time
+        where = f"; go on with: particell resume {directory}" if directory else ""
+        super().__init__(f"stopped at step {step}, t = {time:.6g} s{where}")

@@ -10,10 +10,9 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
+import matplotlib  # alone, not its pyplot
 import numpy as np
-
-# matplotlib alone, not its pyplot
-import matplotlib
+from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -32,7 +31,7 @@ STYLE: dict[str, Any] = {
     "axes.linewidth": 0.7,
     "axes.spines.top": False,
     "axes.spines.right": False,
-    "axes.prop_cycle": matplotlib.cycler(color=COLOURS),
+    "axes.prop_cycle": cycler(color=COLOURS),
     "lines.linewidth": 1.4,
     "lines.markersize": 4,
     "legend.frameon": False,
@@ -53,7 +52,7 @@ def styled(function: _F) -> _F:
 
     @functools.wraps(function)
     def wrapper(*args: Any, **options: Any) -> Any:
-        with matplotlib.rc_context(STYLE):
+        with matplotlib.rc_context(STYLE):  # type: ignore[arg-type]
             return function(*args, **options)
 
     return wrapper  # type: ignore[return-value]
@@ -151,7 +150,7 @@ def field_map(
     figure, axes = _plane(domain, factor, unit)
     low, high = limits or (None, None)
     if style == "tripcolor" and len(x) > 2:
-        mesh = axes.tripcolor(
+        mesh: Any = axes.tripcolor(
             x[:, 0], x[:, 1], values, shading="gouraud", cmap=colours, vmin=low, vmax=high
         )
     else:

@@ -31,7 +31,7 @@ def registry() -> UnitRegistry:
     import pint
 
     # Offset units such as degC are converted rather than refused.
-    units = pint.UnitRegistry(autoconvert_offset_to_baseunit=True)
+    units: UnitRegistry = pint.UnitRegistry(autoconvert_offset_to_baseunit=True)
     units.define("molecule = count = molecules")
     return units
 
@@ -79,7 +79,7 @@ class Quantity:
         units = registry()
         try:
             target = units.Unit(self.unit)
-            quantity = units.Quantity(text)
+            quantity: Any = units.Quantity(text)
             moles = quantity.dimensionality.get("[substance]", 0)
             if moles and "[substance]" not in target.dimensionality:
                 quantity = quantity * units.Quantity("avogadro_constant") ** moles

@@ -43,7 +43,7 @@ class Lattice:
         x = x + self.disturb * dx * noise.uniform(-1, 1, x.shape)
         particles.set("x", x)
         particles.set("support", self.support * dx)
-        volume = dx**self.dim * self.depth ** (3 - self.dim)
+        volume = dx**self.dim
         particles.set("density", 1000.0)
         spread = 1 + self.disturb * noise.uniform(-1, 1, n)
         particles.set("mass", 1000.0 * volume * spread)
@@ -73,6 +73,7 @@ class Lattice:
         device, particles, neighbours = self.particles()
         Chemistry.add_fields(particles, species)
         neighbours.build(particles)
+        options.setdefault("depth", self.depth ** (3 - self.dim))
         return Chemistry(
             device, particles, neighbours, species, reactions, boundaries, **options
         )

@@ -5,6 +5,7 @@ A safeguard at solid walls made of particles, and the whole wall of a channel wi
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -74,7 +75,7 @@ def reflect(i, x, v, is_wall, surfaces, number, period, inverse_period, reflecti
             square += offset * offset
         distance = along
         if radius > 0.0:
-            r = np.sqrt(square)
+            r = math.sqrt(square)
             distance = r - radius
             flow /= r + 1e-300
         if side * distance >= 0.0:

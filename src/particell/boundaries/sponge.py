@@ -72,3 +72,12 @@ def relax_velocity(i, x, v, is_wall, start, end, exponent, dt_over_time, target,
     share = 1.0 - (1.0 - s**exponent) ** dt_over_time
     for d in range(DIM):
         v[i, d] -= share * (v[i, d] - target[i, d])
+
+
+@particle_loop
+def share_of_target(i, x, start, end, exponent, dt_over_time, sponge_share, *, AXIS):
+    """The factor 1 − (1−φ)^(dt/τ) of particle i, 0 outside the zone."""
+    s = (x[i, AXIS] - start) / (end - start)
+    sponge_share[i] = 0.0
+    if s > 0.0 and s <= 1.0:
+        sponge_share[i] = 1.0 - (1.0 - s**exponent) ** dt_over_time

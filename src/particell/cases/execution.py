@@ -181,7 +181,7 @@ def set_threads(threads: int | None) -> None:
 
 def metrics_table(metrics: Mapping[str, Metric]) -> str:
     """The metrics as text: value, limit, what the paper has, and whether it is within the limit."""
-    rows = [("metric", "value", "limit", "paper", "unit", "")]
+    rows: list[tuple[str, ...]] = [("metric", "value", "limit", "paper", "unit", "")]
     for name, metric in metrics.items():
         verdict = "" if metric.limit is None else ("ok" if metric.passed else "FAILED")
         numbers = [_number(x) for x in (metric.value, metric.limit, metric.paper)]

@@ -30,14 +30,14 @@ REJECTION_MEAN = 10.0
 _HALF_LOG_TWO_PI = 0.9189385332046727
 
 
-@njit
+@njit(error_model="numpy")
 def two_uniforms(c0, c1, c2, block, k0, k1):
     """Two uniform numbers of 53 bits: one Philox block."""
     w0, w1, w2, w3 = philox(c0, c1, c2, np.uint64(block), k0, k1)
     return uniform53(w0, w1), uniform53(w2, w3)
 
 
-@njit
+@njit(error_model="numpy")
 def stirling_tail(k):
     """ln k! minus Stirling's formula in the form sqrt(2π) (k+1)^(k+½) e^-(k+1)."""
     a = k + 1.0
@@ -47,7 +47,7 @@ def stirling_tail(k):
     return (1.0 / 12.0 - (1.0 / 360.0 - square / 1260.0) * square) / a
 
 
-@njit
+@njit(error_model="numpy")
 def _binomial_inversion(n, p, u):
     """The smallest k with P(K <= k) > u, for p <= 1/2 and a small mean."""
     ratio = p / (1.0 - p)
@@ -60,7 +60,7 @@ def _binomial_inversion(n, p, u):
     return k
 
 
-@njit
+@njit(error_model="numpy")
 def _binomial_rejection(n, p, c0, c1, c2, block, k0, k1):
     """BTRS for p <= 1/2 and n p >= 10."""
     deviation = math.sqrt(n * p * (1.0 - p))
@@ -95,7 +95,7 @@ def _binomial_rejection(n, p, c0, c1, c2, block, k0, k1):
     return np.int64(k), block
 
 
-@njit
+@njit(error_model="numpy")
 def binomial(n, p, c0, c1, c2, block, k0, k1):
     """Number of successes in n independent trials of probability p, and the next free block."""
     if n <= 0 or p <= 0.0:
@@ -114,7 +114,7 @@ def binomial(n, p, c0, c1, c2, block, k0, k1):
     return k, block
 
 
-@njit
+@njit(error_model="numpy")
 def conditional_binomial(number, low, high, scale, c0, c1, c2, block, k0, k1):
     """One link of a multinomial: how many of ``number`` fall between low and high.
 
@@ -125,7 +125,7 @@ def conditional_binomial(number, low, high, scale, c0, c1, c2, block, k0, k1):
     return binomial(number, (high - low) / (scale - low), c0, c1, c2, block, k0, k1)
 
 
-@njit
+@njit(error_model="numpy")
 def _poisson_inversion(mean, u):
     probability = math.exp(-mean)
     k = 0
@@ -136,7 +136,7 @@ def _poisson_inversion(mean, u):
     return k
 
 
-@njit
+@njit(error_model="numpy")
 def poisson(mean, c0, c1, c2, block, k0, k1):
     """A Poisson number of the given mean (inversion, or PTRS), and the next free block."""
     if mean <= 0.0:
@@ -165,7 +165,7 @@ def poisson(mean, c0, c1, c2, block, k0, k1):
     return np.int64(k), block
 
 
-@njit
+@njit(error_model="numpy")
 def stochastic_round(value, c0, c1, c2, k0, k1):
     """A whole number of mean ``value``: its floor, or one more with the fraction's probability."""
     u, _ = two_uniforms(c0, c1, c2, 0, k0, k1)

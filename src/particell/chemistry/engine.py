@@ -13,7 +13,7 @@ from particell.chemistry import jumps, massaction, reservoirs, ssa
 from particell.chemistry.network import Tables, build_tables, dispatcher
 from particell.chemistry.reactions import Reaction
 from particell.chemistry.reservoirs import HELD, WALL_VALUE, FixedValueWall, Reservoir
-from particell.chemistry.species import Species
+from particell.chemistry.species import Species, checked_rate
 from particell.compute.device import Device
 from particell.compute.loop import Loop, particle_loop
 from particell.compute.neighbours import NeighbourList
@@ -59,6 +59,9 @@ class Chemistry:
         Seed of all random numbers.
     normalise
         Divide the diffusion of each pair by the mean kernel sum (symmetric).
+    depth
+        Extent of the dimensions that are not simulated, in m (2D) or m² (1D): a particle of
+        volume V holds C V depth 𝒩 molecules. Amounts are in mol per depth.
 
     Attributes
     ----------
@@ -87,6 +90,7 @@ class Chemistry:
         kernel: str = "wendland-c2",
         seed: int = 0,
         normalise: bool = False,
+        depth: float = 1.0,
     ):
         self.device, self.particles, self.neighbours = device, particles, neighbours
         self.species = {s.name: s for s in species}
@@ -94,6 +98,7 @@ class Chemistry:
             species, reactions, boundaries, particles.groups
         )
         self.add_fields(particles, species)
+        self.depth = checked_rate("depth", depth)
         self.normalise, self.binomial_cost = normalise, jumps.BINOMIAL_COST
         self.jumps = self.events = self.substeps = 0
         self._reduction = Reduction(device)
@@ -147,7 +152,7 @@ class Chemistry:
 
         Notes
         -----
-        Molecules: C V 𝒩 is rounded at random without bias, by the particle's own random number
+        Molecules: C V depth 𝒩 is rounded at random without bias, by the particle's own random number
         (purpose ``INITIAL``, counter id and species).
         """
         chosen, numbers = self._values(name, values, group)
@@ -162,7 +167,7 @@ class Chemistry:
             host[chosen, column] = amounts[chosen]
             p.set("amount", host)
             return
-        expected = self.device.array(amounts * AVOGADRO)
+        expected = self.device.array(amounts * self.depth * AVOGADRO)
         mask = self.device.array(chosen.astype(np.uint8))
         key0, key1 = self._keys[INITIAL]
         extra = {"expected": expected, "chosen": mask, "s": column, "key0": key0, "key1": key1}
@@ -188,7 +193,7 @@ class Chemistry:
         volume = p.host("mass").astype(float) / p.host("density")
         if table is self.deterministic:
             return p.host("amount")[:, column] / volume
-        return p.host("count")[:, column] / (volume * AVOGADRO)
+        return p.host("count")[:, column] / (volume * self.depth * AVOGADRO)
 
     def totals(self) -> dict[str, tuple[float | int, float | int]]:
         """For each species its total and what was booked: mol, or whole numbers of molecules.
@@ -347,11 +352,7 @@ class Chemistry:
         f = self._fields
         extra = {"rows": self.particles.n, "tau": tau}
         lanes = len(f["work"])
-        loop: Loop = massaction.react
-        constants = {}
-        if self.deterministic.laws:
-            loop, constants = massaction.react_with_laws, {"LAW": self._laws["C, k"]}
-        self._run(loop, lanes, self._amounts, extra, **constants)
+        self._run(massaction.react, lanes, self._amounts, extra, LAW=self._laws["C, k"])
         substeps = self.device.to_host(f["substeps"])
         self.substeps = int(substeps.max())
         if substeps.min() < 0:
@@ -367,11 +368,8 @@ class Chemistry:
     def _react_counts(self, step: int, tau: float) -> None:
         key0, key1 = self._keys[REACTION]
         extra = {"tau": tau, "step": step, "key0": key0, "key1": key1}
-        loop: Loop = ssa.react
-        constants = {}
-        if self.stochastic.laws:
-            loop, constants = ssa.react_with_laws, {"LAW": self._laws["N, V, k"]}
-        self._run(loop, self.particles.n, self._counts, extra, **constants)
+        n = self.particles.n
+        self._run(ssa.react, n, self._counts, extra, LAW=self._laws["N, V, k"])
         counter = self._fields["event_counter"]
         self.events += int(self.device.to_host(counter)[:, 0].sum())
         self.device.write(counter, self._fields["zero_counters"])
@@ -400,6 +398,7 @@ class Chemistry:
         molecules = n if self.stochastic.names else 1
         fields: dict[str, Any] = {
             "alpha": alpha,
+            "depth": self.depth,
             "volume": zeros(n, np.float64),
             "kernel_sum": zeros(n if self.normalise else 1, np.float64),
             "concentration": zeros((n if columns else 1, max(columns, 1)), np.float64),

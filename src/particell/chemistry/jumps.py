@@ -55,6 +55,7 @@ def jump_rates(
     x,
     support,
     volume,
+    depth,
     group,
     kernel_sum,
     start,
@@ -117,29 +118,29 @@ def jump_rates(
     if stop[i] > start[i]:
         total = np.float64(cumulative[stop[i] - 1])
     leave_rate[i] = total if status[g] == 0 else 0.0
-    inflow[i] = stream * volume[i] * AVOGADRO
+    inflow[i] = stream * volume[i] * depth * AVOGADRO
     if status[g] == 1:
         inflow[i] = total
 
 
-@njit
+@njit(error_model="numpy")
 def find_slot(cumulative, first, last, target):
     """The first k in first..last-1 with cumulative[k] > target; there is one. Branch-free."""
     size = last - first
     while size > 1:
         half = size >> 1
-        first += half * (cumulative[first + half - 1] <= target)
+        first = first + half if cumulative[first + half - 1] <= target else first
         size -= half
     return first
 
 
-@njit
+@njit(error_model="numpy")
 def next_particle(i, target, start, stop, neighbours, cumulative):
     """The neighbour of i in whose share of the cumulative rates ``target`` lies."""
     return np.int64(neighbours[find_slot(cumulative, start[i], stop[i], target)])
 
 
-@njit
+@njit(error_model="numpy")
 def walk(i, left, c0, c1, c2, block, k0, k1, start, stop, neighbours, cumulative, leave_rate):
     """Walk from i for the time ``left``: where it ends, the number of jumps, the next block."""
     jumps = 0
@@ -166,7 +167,7 @@ def walk(i, left, c0, c1, c2, block, k0, k1, start, stop, neighbours, cumulative
         spare = not spare
 
 
-@njit
+@njit(error_model="numpy")
 def leave_and_walk(
     i, tau, p, c0, c1, c2, block, k0, k1, start, stop, neighbours, cumulative, leave_rate
 ):
@@ -175,13 +176,13 @@ def leave_and_walk(
     rate = leave_rate[i]
     w0, w1, w2, w3 = philox(c0, c1, c2, np.uint64(block), k0, k1)
     block += 1
-    left = tau + math.log1p(-uniform32(w0) * p) / rate
+    origin = rate
     i = next_particle(i, uniform32(w1) * rate, start, stop, neighbours, cumulative)
     rate = leave_rate[i]
     u = uniform32(w2)
-    if u <= 1.0 - rate * left:
+    if u <= 1.0 - rate * tau:  # no further jump, whenever the first one was
         return i, 1, block
-    left += math.log(u) / rate
+    left = tau + math.log(1.0 - uniform32(w0) * p) / origin + math.log(u) / rate
     if left <= 0.0:
         return i, 1, block
     i = next_particle(i, uniform32(w3) * rate, start, stop, neighbours, cumulative)
@@ -191,7 +192,7 @@ def leave_and_walk(
     return i, jumps + 2, block
 
 
-@njit
+@njit(error_model="numpy")
 def walk_candidates(
     i,
     m,

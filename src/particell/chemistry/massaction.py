@@ -35,50 +35,34 @@ MOST_SUBSTEPS = 1_000_000
 
 
 def work_columns(species: int) -> int:
-    """Length of a lane's row of scratch memory: matrix, four stages, four vectors."""
+    """Length of a lane's row of scratch memory: see :func:`rodas3`."""
     return species * species + 8 * species
 
 
-@njit
-def reaction_rate(r, c, k, reactants, law, choose):
-    """Rate of reaction r in mol/m³/s."""
+@njit(error_model="numpy")
+def reaction_rate(r, work, lane, at, n, k, reactants, law, choose):
+    """Rate of reaction r in mol/m³/s, of the concentrations at ``work[lane, at:at+n]``."""
     if choose is not None:  # decided at compile time
         if law[r] > 0:
-            return choose(law[r] - 1, c, k)
+            return choose(law[r] - 1, work[lane, at : at + n], k)
     rate = k
     for f in range(reactants.shape[1]):
         if reactants[r, f] >= 0:
-            rate *= c[reactants[r, f]]
+            rate *= work[lane, at + reactants[r, f]]
     return rate
 
 
-@njit
-def derivative(c, g, rate, reactants, net, law, choose, out):
-    """dC/dt of all species into ``out``; the largest |dC/dt|."""
-    for s in range(len(c)):
-        out[s] = 0.0
-    for r in range(rate.shape[1]):
-        if rate[g, r] > 0.0:
-            value = reaction_rate(r, c, rate[g, r], reactants, law, choose)
-            for s in range(len(c)):
-                out[s] += net[r, s] * value
-    largest = 0.0
-    for s in range(len(c)):
-        largest = max(largest, abs(out[s]))
-    return largest
-
-
-@njit
-def rate_slope(r, s, c, k, size, reactants, law, choose):
-    """Derivative of the rate of reaction r with respect to species s."""
+@njit(error_model="numpy")
+def rate_slope(r, s, work, lane, n, k, size, reactants, law, choose):
+    """Derivative of the rate of reaction r with respect to species s at ``work[lane, 0:n]``."""
     if choose is not None:
         if law[r] > 0:
-            kept = c[s]
+            kept = work[lane, s]
             step = 1e-7 * max(kept, 1e-3 * size)
-            low = choose(law[r] - 1, c, k)
-            c[s] = kept + step
-            high = choose(law[r] - 1, c, k)
-            c[s] = kept
+            low = choose(law[r] - 1, work[lane, 0:n], k)
+            work[lane, s] = kept + step
+            high = choose(law[r] - 1, work[lane, 0:n], k)
+            work[lane, s] = kept
             return (high - low) / step
     slope = 0.0
     for f in range(reactants.shape[1]):
@@ -86,121 +70,126 @@ def rate_slope(r, s, c, k, size, reactants, law, choose):
             product = k
             for other in range(reactants.shape[1]):
                 if other != f and reactants[r, other] >= 0:
-                    product *= c[reactants[r, other]]
+                    product *= work[lane, reactants[r, other]]
             slope += product
     return slope
 
 
-@njit
-def system_matrix(c, g, h, size, rate, reactants, net, law, choose, matrix):
-    """The matrix 2/h - J (RODAS3 has γ = 1/2) by rows into ``matrix``."""
-    n = len(c)
-    for k in range(n * n):
-        matrix[k] = 0.0
+@njit(error_model="numpy")
+def derivative(work, lane, at, out, n, g, rate, reactants, net, law, choose):
+    """dC/dt of the concentrations at ``at`` into the place ``out``; the largest |dC/dt|."""
     for s in range(n):
-        matrix[s * n + s] = 2.0 / h
+        work[lane, out + s] = 0.0
+    for r in range(rate.shape[1]):
+        if rate[g, r] > 0.0:
+            value = reaction_rate(r, work, lane, at, n, rate[g, r], reactants, law, choose)
+            for s in range(n):
+                work[lane, out + s] += net[r, s] * value
+    largest = 0.0
+    for s in range(n):
+        largest = max(largest, abs(work[lane, out + s]))
+    return largest
+
+
+@njit(error_model="numpy")
+def factorise_system(work, lane, n, matrix, pivots, g, h, size, rate, reactants, net, law, choose):
+    """LU decomposition of 2/h - J (RODAS3 has γ = 1/2), with row exchanges, in place."""
+    for k in range(n * n):
+        work[lane, matrix + k] = 0.0
+    for s in range(n):
+        work[lane, matrix + s * n + s] = 2.0 / h
     for r in range(rate.shape[1]):
         if rate[g, r] > 0.0:
             for s in range(n):
-                slope = rate_slope(r, s, c, rate[g, r], size, reactants, law, choose)
-                if slope != 0.0:
-                    for row in range(n):
-                        matrix[row * n + s] -= net[r, row] * slope
-
-
-@njit
-def factorise(matrix, pivots, n):
-    """LU decomposition with row exchanges, in place; ``pivots`` is a float array."""
+                slope = rate_slope(r, s, work, lane, n, rate[g, r], size, reactants, law, choose)
+                for row in range(n):
+                    work[lane, matrix + row * n + s] -= net[r, row] * slope
     for k in range(n):
         best = k
         for row in range(k + 1, n):
-            if abs(matrix[row * n + k]) > abs(matrix[best * n + k]):
+            if abs(work[lane, matrix + row * n + k]) > abs(work[lane, matrix + best * n + k]):
                 best = row
-        pivots[k] = best
-        if best != k:
-            for col in range(n):
-                kept = matrix[k * n + col]
-                matrix[k * n + col] = matrix[best * n + col]
-                matrix[best * n + col] = kept
-        inverse = 1.0 / matrix[k * n + k]
+        work[lane, pivots + k] = best
+        for col in range(n):
+            kept = work[lane, matrix + k * n + col]
+            work[lane, matrix + k * n + col] = work[lane, matrix + best * n + col]
+            work[lane, matrix + best * n + col] = kept
         for row in range(k + 1, n):
-            matrix[row * n + k] *= inverse
+            factor = work[lane, matrix + row * n + k] / work[lane, matrix + k * n + k]
+            work[lane, matrix + row * n + k] = factor
             for col in range(k + 1, n):
-                matrix[row * n + col] -= matrix[row * n + k] * matrix[k * n + col]
+                work[lane, matrix + row * n + col] -= factor * work[lane, matrix + k * n + col]
 
 
-@njit
-def solve(matrix, pivots, n, b):
-    """Solve in place with the factors of :func:`factorise`."""
+@njit(error_model="numpy")
+def solve(work, lane, n, matrix, pivots, b):
+    """Solve with the factors of :func:`factorise_system`; the right side is at b."""
     for k in range(n):
-        best = int(pivots[k])
-        kept = b[k]
-        b[k] = b[best]
-        b[best] = kept
+        best = b + int(work[lane, pivots + k])
+        kept = work[lane, b + k]
+        work[lane, b + k] = work[lane, best]
+        work[lane, best] = kept
     for k in range(n):
         for row in range(k + 1, n):
-            b[row] -= matrix[row * n + k] * b[k]
+            work[lane, b + row] -= work[lane, matrix + row * n + k] * work[lane, b + k]
     for back in range(n):
         k = n - 1 - back
-        b[k] /= matrix[k * n + k]
+        work[lane, b + k] /= work[lane, matrix + k * n + k]
         for row in range(k):
-            b[row] -= matrix[row * n + k] * b[k]
+            work[lane, b + row] -= work[lane, matrix + row * n + k] * work[lane, b + k]
 
 
-@njit
-def rodas3(c, g, h, size, rate, reactants, net, law, choose, work):
-    """One sub-step: the new concentrations in ``work``; the error in units of the tolerance.
+@njit(error_model="numpy")
+def rodas3(work, lane, n, g, h, size, rate, reactants, net, law, choose):
+    """One sub-step: the error in units of the tolerance, infinite for a negative result.
 
-    A result with a negative concentration has an infinite error.
+    The lane's row of ``work`` holds the concentrations, four stages, the argument of the rates
+    (in the end the new concentrations), the pivots, and from 8 n on the matrix.
     """
-    n = len(c)
-    matrix = work[: n * n]
-    stages = work[n * n :]
-    u1, u2, u3 = stages[:n], stages[n : 2 * n], stages[2 * n : 3 * n]
-    u4, pivots = stages[3 * n : 4 * n], stages[4 * n : 5 * n]
-    argument, new = stages[5 * n : 6 * n], stages[6 * n : 7 * n]
-    system_matrix(c, g, h, size, rate, reactants, net, law, choose, matrix)
-    factorise(matrix, pivots, n)
-    derivative(c, g, rate, reactants, net, law, choose, u1)
-    for s in range(n):
-        u2[s] = u1[s]
-    solve(matrix, pivots, n, u1)
-    for s in range(n):
-        u2[s] += 4.0 / h * u1[s]
-    solve(matrix, pivots, n, u2)
-    for s in range(n):
-        argument[s] = c[s] + 2.0 * u1[s]
-    derivative(argument, g, rate, reactants, net, law, choose, u3)
-    for s in range(n):
-        u3[s] += (u1[s] - u2[s]) / h
-    solve(matrix, pivots, n, u3)
-    for s in range(n):
-        argument[s] = c[s] + 2.0 * u1[s] + u3[s]
-    derivative(argument, g, rate, reactants, net, law, choose, u4)
-    for s in range(n):
-        u4[s] += (u1[s] - u2[s] - 8.0 / 3.0 * u3[s]) / h
-    solve(matrix, pivots, n, u4)
+    argument, pivots, matrix = 5 * n, 6 * n, 8 * n
+    factorise_system(
+        work, lane, n, matrix, pivots, g, h, size, rate, reactants, net, law, choose
+    )
+    for stage in range(4):
+        u = (stage + 1) * n
+        for s in range(n):
+            value = work[lane, s]
+            if stage >= 2:
+                value += 2.0 * work[lane, n + s]
+            if stage == 3:
+                value += work[lane, 3 * n + s]
+            work[lane, argument + s] = value
+        derivative(work, lane, argument, u, n, g, rate, reactants, net, law, choose)
+        for s in range(n):
+            earlier = 4.0 * work[lane, n + s] if stage == 1 else 0.0
+            if stage >= 2:
+                earlier = work[lane, n + s] - work[lane, 2 * n + s]
+            if stage == 3:
+                earlier -= 8.0 / 3.0 * work[lane, 3 * n + s]
+            work[lane, u + s] += earlier / h
+        solve(work, lane, n, matrix, pivots, u)
     error = 0.0
     for s in range(n):
-        new[s] = c[s] + 2.0 * u1[s] + u3[s] + u4[s]
-        tolerance = RELATIVE_TOLERANCE * max(abs(c[s]), abs(new[s])) + ABSOLUTE_TOLERANCE * size
-        error = max(error, abs(u4[s]) / tolerance)
-        if not new[s] >= -ROUND_OFF * size:
+        new = work[lane, argument + s] + work[lane, 4 * n + s]
+        work[lane, argument + s] = new
+        tolerance = RELATIVE_TOLERANCE * max(work[lane, s], abs(new)) + ABSOLUTE_TOLERANCE * size
+        error = max(error, abs(work[lane, 4 * n + s]) / tolerance)
+        if not new >= -ROUND_OFF * size:
             error = math.inf
     return error
 
 
-@njit
-def integrate(c, g, tau, rate, reactants, net, law, choose, work):
-    """Integrate ``c`` over tau in place; the number of sub-steps, -1 where it does not succeed."""
-    n = len(c)
-    new = work[n * n + 6 * n : n * n + 7 * n]
-    fastest = derivative(c, g, rate, reactants, net, law, choose, new)
+@njit(error_model="numpy")
+def integrate(work, lane, n, g, tau, rate, reactants, net, law, choose):
+    """Integrate the lane's concentrations over tau; the sub-steps, -1 where it does not succeed."""
+    fastest = derivative(work, lane, 0, n, n, g, rate, reactants, net, law, choose)
     if fastest == 0.0:
         return 0
-    size = fastest * tau
+    size = 0.0
     for s in range(n):
-        size = max(size, c[s])
+        size = max(size, work[lane, s])
+    if size == 0.0:
+        size = fastest * tau
     left = tau
     h = tau
     steps = 0
@@ -209,10 +198,10 @@ def integrate(c, g, tau, rate, reactants, net, law, choose, work):
         last = h >= left
         if last:
             h = left
-        error = rodas3(c, g, h, size, rate, reactants, net, law, choose, work)
+        error = rodas3(work, lane, n, g, h, size, rate, reactants, net, law, choose)
         if error <= 1.0:
             for s in range(n):
-                c[s] = max(new[s], 0.0)
+                work[lane, s] = max(work[lane, 5 * n + s], 0.0)
             left = 0.0 if last else left - h
             h *= min(6.0, 0.9 * max(error, 1e-6) ** (-1.0 / 3.0))
         elif error < math.inf:
@@ -222,111 +211,28 @@ def integrate(c, g, tau, rate, reactants, net, law, choose, work):
     return steps if left == 0.0 else -1
 
 
-@njit
-def react_lane(
-    lane,
-    rows,
-    tau,
-    group,
-    volume,
-    rate,
-    reactants,
-    net,
-    law,
-    choose,
-    concentration,
-    amount,
-    work,
-    substeps,
+@particle_loop
+def react(
+    lane, rows, tau, group, volume, rate, reactants, net, law, amount, work, substeps, *, LAW
 ):
-    """The particles of one lane; ``substeps[lane]`` is the largest number of sub-steps."""
-    lane = np.int64(lane)
+    """Reactions during tau in the particles of a lane, one after the other.
+
+    ``LAW(m, C, k)`` is the m-th user-given rate law; None where there is none.
+    ``substeps[lane]`` is the largest number of sub-steps, -1 where an integration failed.
+    """
+    row = np.int64(lane)
     lanes = work.shape[0]
     most = 0
     failed = False
-    species = amount.shape[1]
-    for i in range(lane * rows // lanes, (lane + 1) * rows // lanes):
-        for s in range(species):
-            concentration[i, s] = amount[i, s] / volume[i]
-        steps = integrate(
-            concentration[i], group[i], tau, rate, reactants, net, law, choose, work[lane]
-        )
+    n = amount.shape[1]
+    for i in range(row * rows // lanes, (row + 1) * rows // lanes):
+        for s in range(n):
+            work[row, s] = amount[i, s] / volume[i]
+        steps = integrate(work, row, n, group[i], tau, rate, reactants, net, law, LAW)
         failed = failed or steps < 0
         most = max(most, steps)
         if steps != 0:
-            for s in range(species):
-                change = concentration[i, s] - amount[i, s] / volume[i]
+            for s in range(n):
+                change = work[row, s] - amount[i, s] / volume[i]
                 amount[i, s] = max(0.0, amount[i, s] + change * volume[i])
-    substeps[lane] = -1 if failed else most
-
-
-@particle_loop
-def react(
-    lane,
-    rows,
-    tau,
-    group,
-    volume,
-    rate,
-    reactants,
-    net,
-    law,
-    concentration,
-    amount,
-    work,
-    substeps,
-):
-    """Mass action during tau in all particles of a lane."""
-    react_lane(
-        lane,
-        rows,
-        tau,
-        group,
-        volume,
-        rate,
-        reactants,
-        net,
-        law,
-        None,
-        concentration,
-        amount,
-        work,
-        substeps,
-    )
-
-
-@particle_loop
-def react_with_laws(
-    lane,
-    rows,
-    tau,
-    group,
-    volume,
-    rate,
-    reactants,
-    net,
-    law,
-    concentration,
-    amount,
-    work,
-    substeps,
-    *,
-    LAW,
-):
-    """The same with user-given rate laws: ``LAW(m, C, k)`` is the m-th of them."""
-    react_lane(
-        lane,
-        rows,
-        tau,
-        group,
-        volume,
-        rate,
-        reactants,
-        net,
-        law,
-        LAW,
-        concentration,
-        amount,
-        work,
-        substeps,
-    )
+    substeps[row] = -1 if failed else most

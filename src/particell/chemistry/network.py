@@ -263,7 +263,9 @@ def _fill_reaction(
 
 
 def dispatcher(laws: Sequence[Any], arguments: str) -> Any:
-    """One compiled function ``f(m, *arguments)`` that calls the m-th of several."""
+    """One compiled function ``f(m, *arguments)`` that calls the m-th of several; None for none."""
+    if not laws:
+        return None
     lines = [f"def choose(m, {arguments}):"]
     for m in range(len(laws)):
         lines += [f"    if m == {m}:", f"        return 1.0 * law{m}({arguments})"]

@@ -89,12 +89,12 @@ def hold_amounts(i, group, volume, status, value, amount, amount_booked):
 
 
 @particle_loop
-def hold_counts(i, group, volume, status, value, count, count_booked):
+def hold_counts(i, group, volume, depth, status, value, count, count_booked):
     """Bring the molecules of reservoirs back to the whole number nearest to C V 𝒩; book it."""
     g = group[i]
     for s in range(status.shape[1]):
         if status[g, s] == 1:
-            kept = np.int64(math.floor(value[g, s] * volume[i] * AVOGADRO + 0.5))
+            kept = np.int64(math.floor(value[g, s] * volume[i] * depth * AVOGADRO + 0.5))
             count_booked[i, s] += kept - count[i, s]
             count[i, s] = kept
 
@@ -112,11 +112,11 @@ def relax_amounts(i, fraction, target, s, volume, amount, amount_booked):
 
 @particle_loop
 def relax_counts(
-    i, fraction, target, s, volume, id, step, key0, key1, group, status, count, count_booked
+    i, fraction, target, s, volume, depth, id, step, key0, key1, group, status, count, count_booked
 ):
     """Sponge for molecules: the change (C_target V 𝒩 - N) f, rounded without bias; booked."""
     if status[group[i], s] == 0 and fraction[i] > 0.0:
-        change = (target[i] * volume[i] * AVOGADRO - count[i, s]) * fraction[i]
+        change = (target[i] * volume[i] * depth * AVOGADRO - count[i, s]) * fraction[i]
         # rounding what is taken away keeps the number from going below zero
         taken = stochastic_round(-change, np.uint64(id[i]), step, np.uint64(s), key0, key1)
         count[i, s] -= taken

@@ -24,17 +24,17 @@ from particell.compute.scatter import scatter_add
 from particell.materials import AVOGADRO
 
 
-@njit
-def propensity(r, numbers, volume, k, reactants, repeats, volume_power, law, choose):
+@njit(error_model="numpy")
+def propensity(r, count, i, volume, k, reactants, repeats, volume_power, law, choose):
     """Events per second of reaction r: k (V 𝒩)^(1-order) times the falling factorials."""
     if choose is not None:  # decided at compile time
         if law[r] > 0:
-            return max(0.0, choose(law[r] - 1, numbers, volume, k))
+            return max(0.0, choose(law[r] - 1, count[i], volume, k))
     a = k
     for f in range(reactants.shape[1]):
         s = reactants[r, f]
         if s >= 0:
-            a *= max(0, numbers[s] - repeats[r, f])
+            a *= max(0, count[i, s] - repeats[r, f])
     powers = volume_power[r]
     scale = volume * AVOGADRO
     if powers == 1:
@@ -43,67 +43,6 @@ def propensity(r, numbers, volume, k, reactants, repeats, volume_power, law, cho
         a /= scale
         powers += 1
     return a
-
-
-@njit
-def simulate(
-    numbers,
-    volume,
-    tau,
-    g,
-    rate,
-    reactants,
-    repeats,
-    net,
-    volume_power,
-    law,
-    choose,
-    c0,
-    c1,
-    key0,
-    key1,
-):
-    """Run one particle for tau, changing ``numbers``; the number of events."""
-    events = 0
-    left = tau
-    block = 0
-    running = True
-    while running:
-        total = 0.0
-        for r in range(rate.shape[1]):
-            if rate[g, r] > 0.0:
-                total += propensity(
-                    r, numbers, volume, rate[g, r], reactants, repeats, volume_power, law, choose
-                )
-        running = False
-        if total > 0.0:
-            u, v = two_uniforms(c0, c1, np.uint64(0), block, key0, key1)
-            block += 1
-            left += math.log(u) / total
-            running = left > 0.0
-        if running:
-            target = v * total
-            chosen = -1
-            for r in range(rate.shape[1]):
-                if target >= 0.0 and rate[g, r] > 0.0:
-                    a = propensity(
-                        r,
-                        numbers,
-                        volume,
-                        rate[g, r],
-                        reactants,
-                        repeats,
-                        volume_power,
-                        law,
-                        choose,
-                    )
-                    if a > 0.0:  # so that round-off in the sums cannot choose what cannot happen
-                        chosen = r
-                    target -= a
-            for s in range(net.shape[1]):
-                numbers[s] += net[chosen, s]
-            events += 1
-    return events
 
 
 @particle_loop
@@ -116,47 +55,7 @@ def react(
     id,
     group,
     volume,
-    rate,
-    reactants,
-    repeats,
-    net,
-    volume_power,
-    law,
-    count,
-    event_counter,
-):
-    """Reactions of the molecules of particle i during tau; counts the events."""
-    events = simulate(
-        count[i],
-        volume[i],
-        tau,
-        group[i],
-        rate,
-        reactants,
-        repeats,
-        net,
-        volume_power,
-        law,
-        None,
-        np.uint64(id[i]),
-        np.uint64(step),
-        key0,
-        key1,
-    )
-    if events > 0:
-        scatter_add(event_counter, 0, events)
-
-
-@particle_loop
-def react_with_laws(
-    i,
-    tau,
-    step,
-    key0,
-    key1,
-    id,
-    group,
-    volume,
+    depth,
     rate,
     reactants,
     repeats,
@@ -168,23 +67,47 @@ def react_with_laws(
     *,
     LAW,
 ):
-    """The same with user-given propensities: ``LAW(m, N, V, k)`` is the m-th of them."""
-    events = simulate(
-        count[i],
-        volume[i],
-        tau,
-        group[i],
-        rate,
-        reactants,
-        repeats,
-        net,
-        volume_power,
-        law,
-        LAW,
-        np.uint64(id[i]),
-        np.uint64(step),
-        key0,
-        key1,
-    )
+    """Reactions of the molecules of particle i during tau; counts the events.
+
+    ``LAW(m, N, V, k)`` is the m-th user-given propensity; None where there is none.
+    """
+    g = group[i]
+    space = volume[i] * depth
+    c0 = np.uint64(id[i])
+    c1 = np.uint64(step)
+    c2 = np.uint64(0)
+    events = 0
+    left = tau
+    block = 0
+    running = True
+    while running:
+        total = 0.0
+        for r in range(rate.shape[1]):
+            k = rate[g, r]
+            if k > 0.0:
+                total += propensity(
+                    r, count, i, space, k, reactants, repeats, volume_power, law, LAW
+                )
+        running = False
+        if total > 0.0:
+            u, v = two_uniforms(c0, c1, c2, block, key0, key1)
+            block += 1
+            left += math.log(u) / total
+            running = left > 0.0
+        if running:
+            target = v * total
+            chosen = -1
+            for r in range(rate.shape[1]):
+                k = rate[g, r]
+                if target >= 0.0 and k > 0.0:
+                    a = propensity(
+                        r, count, i, space, k, reactants, repeats, volume_power, law, LAW
+                    )
+                    if a > 0.0:  # so that round-off in the sums cannot choose what cannot happen
+                        chosen = r
+                    target -= a
+            for s in range(net.shape[1]):
+                count[i, s] += net[chosen, s]
+            events += 1
     if events > 0:
         scatter_add(event_counter, 0, events)

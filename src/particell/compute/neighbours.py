@@ -377,6 +377,13 @@ class NeighbourList:
         self._loop(relative_displacements, f, cells, DIM=dim)
         return float(self.device.to_host(self.relative).max()) > allowed**2
 
+    def restore(self, capacity: int, builds: int, fields: dict[str, np.ndarray]) -> None:
+        """Take over the state of another list of the same particles, bit for bit."""
+        self._reserve(capacity)
+        for name, values in fields.items():
+            self.device.write(self.fields[name], values)
+        self.builds = builds
+
     def _loop(self, loop: Loop, fields: dict, n: int, **constants) -> None:
         run = loop.specialise(self.device.backend, **constants)
         run(n, *(fields[name] for name in loop.arguments))

@@ -28,14 +28,14 @@ import numpy as np
 from numba import njit
 
 from particell.boundaries.wall import extrapolation, surface_distance
-from particell.compute.loop import particle_loop
+from particell.compute.loop import FASTMATH, particle_loop
 from particell.kernels import power, shape_f
 
 #: Explicit Euler steps are limited to this many h²/κ.
 STEP_LIMIT = 0.05
 
 
-@njit
+@njit(error_model="numpy", fastmath=FASTMATH)
 def separation_square(x, i, j, period, inverse_period, DIM):
     """Squared distance of particles i and j, nearest images, in m²."""
     dx = x[i, 0] - x[j, 0]
@@ -52,13 +52,15 @@ def separation_square(x, i, j, period, inverse_period, DIM):
     return r2
 
 
-@njit
+@njit(error_model="numpy", fastmath=FASTMATH)
 def pair_f(r2, h, alpha, DIM, KERNEL):
     """F = -W'(r)/r of a pair with mean support h; alpha is the kernel's normalisation."""
-    return alpha / (power(h, DIM) * h * h) * shape_f(math.sqrt(r2) / h, KERNEL)
+    inverse = 1.0 / h
+    scale = alpha * power(inverse, DIM) * inverse * inverse
+    return scale * shape_f(math.sqrt(r2) * inverse, KERNEL)
 
 
-@njit
+@njit(error_model="numpy", fastmath=FASTMATH)
 def surface_factor(
     x, support, wall_normal, wall_depth, wall_curvature, i, j, period, inverse_period, DIM
 ):

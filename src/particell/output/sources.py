@@ -76,9 +76,13 @@ class MemorySource:
     def read(self, name: str, index: Index) -> np.ndarray:
         frames, rest = (index[0], index[1:]) if isinstance(index, tuple) else (index, ())
         if isinstance(frames, int | np.integer):
-            return np.asarray(self._frames[frames][name])[rest]
+            return np.asarray(self._frames[int(frames)][name])[rest]
         chosen = np.arange(len(self._frames))[frames]
-        return np.stack([self._frames[k][name] for k in chosen])[(slice(None), *rest)]
+        shape, dtype = self.shape(name)
+        series = np.empty((len(chosen), *shape[1:]), dtype)
+        for k, frame in enumerate(chosen):
+            series[k] = self._frames[frame][name]
+        return series[(slice(None), *rest)]
 
     def observable(self, name: str) -> np.ndarray:
         return np.array([values[name] for values in self._observables], float)

@@ -208,7 +208,9 @@ class TrajectoryWriter:
         with open_trajectory(path) as source:
             length, keep = _complete_frames(source), 0
             if length:
-                keep = int(np.searchsorted(source[f"{PARTICLES}/position/step"][:length], step, "right"))
+                keep = int(
+                    np.searchsorted(source[f"{PARTICLES}/position/step"][:length], step, "right")
+                )
             if not keep:
                 raise InputError("trajectory", str(path), f"a file with a frame up to step {step}")
             with replacing(path) as partial, h5py.File(partial, "w", libver=LIBVER) as target:
@@ -373,7 +375,11 @@ def _copy_group(source: h5py.Group, target: h5py.Group, keep: int, done: dict[An
             continue
         if item.maxshape and item.maxshape[0] is None:
             copy = target.create_dataset(
-                name, (keep, *item.shape[1:]), item.dtype, maxshape=item.maxshape, chunks=item.chunks
+                name,
+                (keep, *item.shape[1:]),
+                item.dtype,
+                maxshape=item.maxshape,
+                chunks=item.chunks,
             )
             rows = max(1, (1 << 24) // max(1, copy.nbytes // keep))
             for k in range(0, keep, rows):

@@ -1,0 +1,239 @@
+"""The time loop with output: frames, checkpoints, progress, stopping, Ctrl-C."""
+
+from __future__ import annotations
+
+import math
+import signal
+import threading
+import time as clock
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+from tqdm import tqdm
+
+from particell.errors import InputError, Interrupted, RunError
+from particell.output.checkpoint import write_checkpoint
+from particell.output.run import CHECKPOINT, TRAJECTORY, Run
+from particell.output.trajectory import TrajectoryWriter
+
+if TYPE_CHECKING:
+    from particell.simulation import Simulation
+
+#: Steps between looks at the clock, the state's soundness and the user's wish to stop.
+CHUNK = 50
+
+
+class Stop(Protocol):
+    """A condition that ends a run early; asked after every frame."""
+
+    def __call__(self, time: float, observables: Mapping[str, float]) -> bool:
+        """Whether to stop."""
+        ...
+
+
+@dataclass
+class SteadyState:
+    """Stop when an observable changes by less than a tolerance per unit of time.
+
+    Parameters
+    ----------
+    observable
+        Name, for example ``"kinetic_energy"``.
+    tolerance
+        Largest relative change per ``interval``.
+    interval
+        In s.
+    after
+        Time in s before which the run does not stop.
+    """
+
+    observable: str = "kinetic_energy"
+    tolerance: float = 1e-3
+    interval: float = 1.0
+    after: float = 0.0
+
+    def __post_init__(self) -> None:
+        self._last: tuple[float, float] | None = None
+
+    def __call__(self, time: float, observables: Mapping[str, float]) -> bool:
+        """Whether the change since the last call is small enough."""
+        if self.observable not in observables:
+            raise InputError("observable", self.observable, f"one of {', '.join(observables)}")
+        value, last = observables[self.observable], self._last
+        self._last = (time, value)
+        if last is None or time <= last[0] or time < self.after:
+            return False
+        change = abs(value - last[1]) / (time - last[0]) * self.interval
+        return change <= self.tolerance * max(abs(value), 1e-300)
+
+
+class Recorder:
+    """Where frames go: to ``run.h5``, or to memory."""
+
+    def __init__(self, simulation: Simulation, directory: Path | None, resumed: bool):
+        self.simulation, self.directory = simulation, directory
+        self.frames: list[dict[str, np.ndarray]] = []
+        self.observables: list[dict[str, float]] = []
+        self.steps: list[int] = []
+        self.times: list[float] = []
+        self.writer: TrajectoryWriter | None = None
+        if directory is None:
+            return
+        if resumed:
+            self.writer = TrajectoryWriter.resume(directory / TRAJECTORY, simulation.step)
+        else:
+            self.writer = TrajectoryWriter(
+                directory / TRAJECTORY,
+                simulation.domain,
+                simulation.static_frame(),
+                simulation.group_names,
+            )
+
+    def record(self) -> dict[str, float]:
+        """Take a frame; returns the observables."""
+        s = self.simulation
+        frame, observables = s.frame(), s.observables()
+        if self.writer is not None:
+            self.writer.append(s.step, s.time, frame, observables)
+        else:
+            self.frames.append(frame)
+            self.observables.append(observables)
+            self.steps.append(s.step)
+            self.times.append(s.time)
+        return observables
+
+    def checkpoint(self, plan: dict) -> None:
+        """Write a checkpoint that the frames written so far belong to."""
+        if self.directory is None:
+            return
+        if self.writer is not None:
+            self.writer.sync()
+        state = {**self.simulation.state(), "plan": plan}
+        write_checkpoint(
+            self.directory / CHECKPOINT, state, {"step": self.simulation.step}
+        )
+
+    def finish(self) -> Run:
+        """Close the file and open the run."""
+        s = self.simulation
+        if self.directory is not None:
+            assert self.writer is not None
+            self.writer.close()
+            return Run(self.directory)
+        return Run.from_memory(
+            s.domain,
+            s.group_names,
+            s.static_frame(),
+            self.steps,
+            self.times,
+            self.frames,
+            self.observables,
+        )
+
+
+@contextmanager
+def stop_requests() -> Iterator[list[bool]]:
+    """Turn the first Ctrl-C (SIGINT, SIGTERM) into a request; the second one acts at once."""
+    asked = [False]
+    if threading.current_thread() is not threading.main_thread():
+        yield asked
+        return
+
+    def ask(number: int, frame: object) -> None:
+        if asked[0]:
+            raise KeyboardInterrupt
+        asked[0] = True
+
+    previous = {s: signal.signal(s, ask) for s in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield asked
+    finally:
+        for s, handler in previous.items():
+            signal.signal(s, handler)
+
+
+def run_with_observers(
+    simulation: Simulation,
+    until: float,
+    every: float | None,
+    out: str | Path | None,
+    progress: bool,
+    checkpoint_every: float,
+    stop: Stop | None,
+) -> Run:
+    """See :meth:`particell.simulation.Simulation.run`."""
+    if not (until > simulation.time and math.isfinite(until)):
+        if simulation.resumed and out is not None and until <= simulation.time * (1 + 1e-9):
+            return Run(out)
+        raise InputError("until", until, f"later than the present time {simulation.time:g} s")
+    every = until / 10 if every is None else every
+    if not 0 < every <= until * (1 + 1e-9):
+        raise InputError("every", every, f"positive and at most 'until' = {until:g} s")
+    directory = Path(out) if out is not None else None
+    if directory is not None:
+        directory.mkdir(parents=True, exist_ok=True)
+    resumed = simulation.resumed and directory is not None
+    plan = simulation.resumed_plan if resumed else None
+    if plan is None:
+        per_frame = simulation.plan(every)
+        intervals = max(1, round((until - simulation.time) / every))
+        plan = {
+            "per_frame": per_frame,
+            "last": simulation.step + intervals * per_frame,
+            "next": simulation.step + per_frame,
+        }
+    simulation.start()
+    recorder = Recorder(simulation, directory, resumed)
+    if not resumed:
+        recorder.record()
+        recorder.checkpoint(plan)
+    _loop(simulation, recorder, plan, progress, checkpoint_every, stop)
+    return recorder.finish()
+
+
+def _loop(
+    simulation: Simulation,
+    recorder: Recorder,
+    plan: dict,
+    progress: bool,
+    checkpoint_every: float,
+    stop: Stop | None,
+) -> None:
+    saved = clock.monotonic()
+    bar = tqdm(
+        total=plan["last"],
+        initial=simulation.step,
+        unit="step",
+        disable=not progress,
+        desc=f"{len(simulation.particles)} particles",
+        mininterval=0.5,
+    )
+    with stop_requests() as asked, bar:
+        try:
+            while simulation.step < plan["last"]:
+                steps = min(CHUNK, plan["next"] - simulation.step)
+                simulation.advance(steps)
+                bar.update(steps)
+                if simulation.step == plan["next"]:
+                    observables = recorder.record()
+                    plan["next"] += plan["per_frame"]
+                    bar.set_postfix_str(f"t = {simulation.time:.4g} s", refresh=False)
+                    if stop is not None and stop(simulation.time, observables):
+                        break
+                if asked[0]:
+                    recorder.checkpoint(plan)
+                    recorder.finish()
+                    where = str(recorder.directory) if recorder.directory else None
+                    raise Interrupted(where, step=simulation.step, time=simulation.time)
+                if clock.monotonic() - saved > checkpoint_every:
+                    recorder.checkpoint(plan)
+                    saved = clock.monotonic()
+        except RunError:
+            # the checkpoint on the disk is from before the fault: keep it
+            recorder.finish()
+            raise
+        recorder.checkpoint(plan)

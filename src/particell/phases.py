@@ -1,0 +1,182 @@
+"""Phases: named sets of particles that share a material and a role, as the user describes them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from particell.errors import InputError
+from particell.geometry.domain import Domain
+from particell.geometry.fill import fitting_spacing, lattice
+from particell.geometry.shapes import Shape
+from particell.materials import Fluid
+from particell.particles import KINDS
+
+Velocity = Callable[[np.ndarray], np.ndarray] | np.ndarray | tuple[float, ...] | None
+
+
+@dataclass(frozen=True, eq=False)
+class Phase:
+    """Particles of one material and one role.
+
+    Parameters
+    ----------
+    name
+        Name of the group they form.
+    material
+        A :class:`~particell.materials.Fluid`; walls carry the density of the fluid they bound.
+    points
+        Positions (n, D) in m.
+    volume
+        Volume of a particle, or of each (n,), in m^D.
+    kind
+        ``"fluid"`` or ``"wall"``.
+    velocity
+        Initial velocity in m/s: a function of points (n, D) that returns (n, D), an array, D
+        numbers, or None for rest. Walls keep it.
+    spacing
+        Distance of neighbours in m, which sets the support; by default volume^(1/D) (the mean).
+    surface
+        The solid region that a wall's particles fill; its surface is where the fluid begins.
+
+    Raises
+    ------
+    InputError
+        Where shapes or numbers do not fit.
+    """
+
+    name: str
+    material: Fluid
+    points: np.ndarray
+    volume: float | np.ndarray
+    kind: str = "fluid"
+    velocity: Velocity = None
+    spacing: float | None = None
+    surface: Shape | None = None
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            raise InputError("kind", self.kind, f"one of {', '.join(KINDS)}")
+        points = np.asarray(self.points, dtype=float)
+        if points.ndim != 2 or not 1 <= points.shape[1] <= 3:
+            raise InputError(f"points of '{self.name}'", points.shape, "an array of shape (n, D)")
+        if not np.all(np.isfinite(points)):
+            raise InputError(f"points of '{self.name}'", "nan or inf", "finite")
+        volume = np.broadcast_to(np.asarray(self.volume, dtype=float), (len(points),))
+        if np.any(~(volume > 0)):
+            raise InputError(f"volume of '{self.name}'", float(volume.min()), "positive")
+        object.__setattr__(self, "points", points)
+        object.__setattr__(self, "volume", volume)
+
+    @property
+    def dim(self) -> int:
+        """Number of dimensions."""
+        return self.points.shape[1]
+
+    @property
+    def particle_spacing(self) -> float:
+        """Distance of neighbours in m."""
+        if self.spacing is not None:
+            return self.spacing
+        return float(np.mean(self.volume)) ** (1 / self.dim)
+
+    def velocities(self) -> np.ndarray:
+        """Initial velocities (n, D) in m/s."""
+        if self.velocity is None:
+            return np.zeros_like(self.points)
+        value = self.velocity(self.points) if callable(self.velocity) else self.velocity
+        return np.array(np.broadcast_to(np.asarray(value, dtype=float), self.points.shape))
+
+
+def fluid(
+    domain: Domain,
+    material: Fluid,
+    spacing: float,
+    shape: Shape | None = None,
+    name: str = "fluid",
+    velocity: Velocity = None,
+    kind: str = "square",
+) -> Phase:
+    """Fill a domain, or a shape in it, with fluid on a lattice.
+
+    Parameters
+    ----------
+    domain, spacing, shape, kind
+        See :func:`particell.geometry.fill.lattice`.
+    material, name, velocity
+        See :class:`Phase`.
+    """
+    points = lattice(domain, spacing, shape, kind)
+    if len(points) == 0:
+        raise InputError("spacing", spacing, "small enough for at least one particle")
+    steps = fitting_spacing(domain, spacing)
+    total = len(lattice(domain, spacing, None, kind))
+    volume = domain.volume / total
+    return Phase(
+        name, material, points, volume, velocity=velocity, spacing=float(np.max(steps))
+    )
+
+
+def channel_walls(
+    domain: Domain,
+    material: Fluid,
+    spacing: float,
+    axis: int,
+    layers: int = 3,
+    name: str = "wall",
+    velocity: tuple[Velocity, Velocity] = (None, None),
+) -> list[Phase]:
+    """The lower and upper wall across one axis, as layers of particles outside the domain.
+
+    Parameters
+    ----------
+    domain, spacing
+        The lattice continues that of the domain.
+    axis
+        The axis across the channel (0, 1, 2).
+    layers
+        Number of layers; three suffice for a support of up to 3 spacings.
+    name
+        The walls are named ``name-lower`` and ``name-upper``.
+    velocity
+        Velocities of the two walls.
+    """
+    from particell.geometry.shapes import HalfSpace
+
+    steps = fitting_spacing(domain, spacing)
+    phases = []
+    for side, sign in (("lower", -1), ("upper", 1)):
+        lower, upper = domain.lower.copy(), domain.upper.copy()
+        if sign < 0:
+            upper[axis] = domain.lower[axis]
+            lower[axis] = upper[axis] - layers * steps[axis]
+        else:
+            lower[axis] = domain.upper[axis]
+            upper[axis] = lower[axis] + layers * steps[axis]
+        points = _slab(lower, upper, steps)
+        normal = np.zeros(domain.dim)
+        normal[axis] = -sign
+        corner = domain.lower if sign < 0 else domain.upper
+        phases.append(
+            Phase(
+                f"{name}-{side}",
+                material,
+                points,
+                float(np.prod(steps)),
+                kind="wall",
+                velocity=velocity[0] if sign < 0 else velocity[1],
+                spacing=float(np.max(steps)),
+                surface=HalfSpace(corner, normal),
+            )
+        )
+    return phases
+
+
+def _slab(lower: np.ndarray, upper: np.ndarray, steps: np.ndarray) -> np.ndarray:
+    axes = [
+        low + (np.arange(round((high - low) / step)) + 0.5) * step
+        for low, high, step in zip(lower, upper, steps, strict=True)
+    ]
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(lower))

@@ -1,0 +1,322 @@
+"""SDPD: smoothed dissipative particle dynamics, isothermal; with noise off, plain SPH.
+
+The description (:class:`SDPD`) says which laws act and with which integrator; the solver that it
+makes (:class:`SDPDSolver`) owns the compiled loops and steps the particles.
+
+References
+----------
+Español & Revenga, Phys. Rev. E 67 (2003) 026705; Drawert, Jacob, Li, Yi & Petzold, J. Comput. Phys.
+378 (2019) 1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from particell.compute.device import Device
+from particell.compute.neighbours import NeighbourList
+from particell.compute.philox import PAIR_NOISE, stream_key
+from particell.errors import InputError
+from particell.geometry.domain import Domain
+from particell.kernels import kernel_code, normalisation
+from particell.laws.viscosity import friction_coefficients
+from particell.materials import BOLTZMANN, Fluid
+from particell.particles import Particles
+from particell.schemes import updates
+from particell.schemes.sweeps import rates, summed_density, wall_pressure
+
+INTEGRATORS = ("velocity-verlet", "trapezoidal")
+DENSITIES = ("continuity", "summation")
+NOISES = ("bounded", "gaussian")
+
+
+@dataclass(frozen=True)
+class SDPD:
+    """Isothermal SDPD; what it is made of.
+
+    Parameters
+    ----------
+    kernel
+        ``"lucy"``, ``"wendland-c2"``, ``"cubic-spline"`` or ``"quintic-spline"``.
+    support
+        Support of the kernel in particle spacings.
+    density
+        ``"continuity"``: integrated; ``"summation"``: Σ m W, the one to use with noise.
+    integrator
+        ``"velocity-verlet"`` (default) or ``"trapezoidal"``.
+    fluctuations
+        Thermal noise that balances the viscosity; the fluid needs a temperature.
+    noise
+        ``"bounded"`` (sums of uniform numbers, weakly exact) or ``"gaussian"``.
+    density_diffusion
+        δ of the continuity equation; None means 0.1 without noise and 0 with it.
+    gravity
+        Body force per mass in m/s², one number per dimension; None for zero.
+    reference_speed
+        Largest expected speed in m/s, for the sound speed by rule.
+    pressure_drop
+        Pressure difference in Pa that drives the flow, for the sound speed by rule.
+    skin
+        What the neighbour list adds to the support, as a part of it.
+
+    Raises
+    ------
+    InputError
+        Where a value is not allowed, or density diffusion is combined with noise.
+    """
+
+    kernel: str = "lucy"
+    support: float = 3.0
+    density: str = "continuity"
+    integrator: str = "velocity-verlet"
+    fluctuations: bool = False
+    noise: str = "bounded"
+    density_diffusion: float | None = None
+    gravity: tuple[float, ...] | None = None
+    reference_speed: float = 0.0
+    pressure_drop: float = 0.0
+    skin: float = 0.1
+
+    def __post_init__(self) -> None:
+        kernel_code(self.kernel)
+        for name, allowed in (
+            ("integrator", INTEGRATORS),
+            ("density", DENSITIES),
+            ("noise", NOISES),
+        ):
+            if getattr(self, name) not in allowed:
+                raise InputError(name, getattr(self, name), f"one of {', '.join(allowed)}")
+        if not 1.2 <= self.support <= 10:
+            raise InputError("support", self.support, "between 1.2 and 10 particle spacings")
+        if not 0 < self.skin <= 1:
+            raise InputError("skin", self.skin, "between 0 and 1 supports")
+        if self.density_diffusion is not None and not self.density_diffusion >= 0:
+            raise InputError("density_diffusion", self.density_diffusion, "zero or positive")
+        if self.density_diffusion and self.fluctuations:
+            raise InputError(
+                "density_diffusion",
+                self.density_diffusion,
+                "zero with fluctuations: it is dissipation that has no fluctuation",
+            )
+
+    @property
+    def delta(self) -> float:
+        """The coefficient δ in use."""
+        if self.density == "summation" or self.fluctuations:
+            return 0.0
+        return 0.1 if self.density_diffusion is None else self.density_diffusion
+
+    def solver(
+        self,
+        device: Device,
+        domain: Domain,
+        particles: Particles,
+        neighbours: NeighbourList,
+        materials: list[Fluid],
+        seed: int,
+        depth_factor: float,
+    ) -> SDPDSolver:
+        """The compiled form of this scheme for a set of particles."""
+        return SDPDSolver(
+            self, device, domain, particles, neighbours, materials, seed, depth_factor
+        )
+
+
+class SDPDSolver:
+    """Steps a set of particles by the SDPD scheme.
+
+    Parameters
+    ----------
+    scheme
+        The description.
+    device, domain, particles, neighbours
+        Where loops run; the box; the particles; their neighbour list.
+    materials
+        Materials (with sound speeds), indexed by the groups' ``material``.
+    seed
+        Of the noise.
+    depth_factor
+        Extent in m^(3−D) of the missing dimensions; k_B T is divided by it, since masses of 1D
+        and 2D particles are per that extent.
+    """
+
+    FIELDS = ("pressure_term", "density_rate")
+
+    def __init__(
+        self,
+        scheme: SDPD,
+        device: Device,
+        domain: Domain,
+        particles: Particles,
+        neighbours: NeighbourList,
+        materials: list[Fluid],
+        seed: int,
+        depth_factor: float,
+    ):
+        self.scheme, self.device, self.domain = scheme, device, domain
+        self.particles, self.neighbours = particles, neighbours
+        self.n, self.dim = len(particles), domain.dim
+        dim = self.dim
+        by_group = [materials[g.material] for g in particles.groups]
+        friction = [friction_coefficients(m.viscosity, m.bulk_viscosity, dim) for m in by_group]
+        support = particles.host("support")
+        h = float(support.max())
+        gravity = np.zeros(dim) if scheme.gravity is None else np.array(scheme.gravity, dtype=float)
+        if gravity.shape != (dim,):
+            raise InputError("gravity", scheme.gravity, f"{dim} numbers")
+        self.thermal = np.zeros(len(by_group))
+        if scheme.fluctuations:
+            for k, material in enumerate(by_group):
+                if material.temperature is None:
+                    raise InputError("temperature", None, "given for every material, with noise")
+                self.thermal[k] = BOLTZMANN * material.temperature / depth_factor
+        for name in self.FIELDS:
+            particles.add(name)
+        for name, components in (("wall_normal", dim), ("wall_depth", 0), ("wall_curvature", 0)):
+            if name not in particles:
+                particles.add(name, components)
+        self.trapezoidal = scheme.integrator == "trapezoidal"
+        if self.trapezoidal:
+            for name, components in (
+                ("x0", dim),
+                ("v0", dim),
+                ("a0", dim),
+                ("density0", 0),
+                ("density_rate0", 0),
+            ):
+                particles.add(name, components)
+        code = kernel_code(scheme.kernel)
+        array = device.array
+        key = stream_key(seed, PAIR_NOISE)
+        self.constants = {
+            "alpha": normalisation(code, dim),
+            "transverse": array(np.array([f[0] for f in friction])),
+            "radial": array(np.array([f[1] for f in friction])),
+            "diffusion": array(np.array([scheme.delta * h * m.sound_speed for m in by_group])),
+            "thermal": array(self.thermal),
+            "gravity": array(gravity),
+            "key0": key[0],
+            "key1": key[1],
+            "reference": array(np.array([m.density for m in by_group])),
+            "sound_speed": array(np.array([m.sound_speed for m in by_group])),
+            "exponent": array(np.array([m.exponent for m in by_group])),
+            "background": array(np.array([m.background_pressure for m in by_group])),
+        }
+        viscosities = {f for f, g in zip(friction, particles.groups, strict=True) if g.kind == "fluid"}
+        self.options = {
+            "DIM": dim,
+            "KERNEL": code,
+            "UNIFORM": bool(neighbours.constants["UNIFORM"]),
+            "MIXED": len(viscosities) > 1,
+            "RADIAL": any(f[1] != 0 for f in friction),
+            "DELTA": scheme.delta > 0,
+            "NOISE": scheme.fluctuations,
+            "GAUSSIAN": scheme.noise == "gaussian",
+            "WALLS": bool(neighbours.constants["WALLS"]),
+        }
+        self.summation = scheme.density == "summation"
+        self._capacity = 0
+
+    def _bind(self) -> None:
+        """Look up arrays again where the neighbour list has grown."""
+        if self._capacity == self.neighbours.capacity:
+            return
+        self._capacity = self.neighbours.capacity
+        fields = {**self.constants, **self.neighbours.fields, **self.particles.fields}
+        bind = self.device.bind
+        dim, o = {"DIM": self.dim}, self.options
+        small = {k: o[k] for k in ("DIM", "KERNEL", "UNIFORM")}
+        continuity = not self.summation
+        self.density_sweep = bind(rates, fields, **{**o, "NOISE": False}, DENSITY=True, FORCE=False)
+        self.force_sweep = bind(rates, fields, **o, DENSITY=False, FORCE=True)
+        self.full_sweep = bind(rates, fields, **o, DENSITY=continuity, FORCE=True)
+        self.sum_density = bind(summed_density, fields, **small)
+        self.wall_pressure = bind(wall_pressure, fields, DIM=self.dim, KERNEL=o["KERNEL"])
+        self.kick = bind(updates.kick, fields, **dim)
+        self.drift = bind(updates.drift, fields, **dim)
+        self.equation_of_state = bind(updates.equation_of_state, fields)
+        if self.trapezoidal:
+            self.remember = bind(updates.remember, fields, **dim)
+            self.predict = bind(updates.predict, fields, **dim)
+            self.correct = bind(updates.correct, fields, **dim)
+
+    def build_list(self) -> None:
+        """Build the neighbour list at the present positions."""
+        self.neighbours.build(self.particles)
+        self._bind()
+
+    def initialise(self, step: int, dt: float) -> None:
+        """Density (if summed), pressure and acceleration of the initial state."""
+        self.build_list()
+        self._thermodynamics(0.0)
+        self._accelerate(step, dt)
+
+    def restore(self) -> None:
+        """Go on from fields and a neighbour list that were put back."""
+        self._bind()
+
+    def step(self, step: int, dt: float) -> None:
+        """Advance by dt; ``step`` numbers the step (the noise depends on it)."""
+        if self.trapezoidal:
+            self._trapezoidal(step, dt)
+        else:
+            self._velocity_verlet(step, dt)
+
+    def _velocity_verlet(self, step: int, dt: float) -> None:
+        """Kick, drift, kick; one force sweep a step, from the half-step velocity, not iterated.
+
+        The continuity equation is integrated by the midpoint rule, with positions and velocities
+        at n + 1/2: that is the leapfrog of density and velocity, which neither damps nor feeds
+        sound. (Rates taken with the forces, at n + 1, are late by half a step.)
+        """
+        n = self.n
+        self.kick(n, 0.5 * dt)
+        self._renew_list(dt)
+        if self.summation:
+            self.drift(n, dt)
+            self.after_drift()
+            self._thermodynamics(0.0)
+        else:
+            self.drift(n, 0.5 * dt)
+            self.density_sweep(n, step, 0.0)
+            self.drift(n, 0.5 * dt)
+            self.after_drift()
+            self._thermodynamics(dt)
+        self._accelerate(step + 1, dt)
+        self.kick(n, 0.5 * dt)
+
+    def _trapezoidal(self, step: int, dt: float) -> None:
+        """The papers' explicit two-stage rule; the same noise in both stages."""
+        n = self.n
+        self._renew_list(dt)
+        self._accelerate(step, dt, full=True)
+        self.remember(n)
+        self.predict(n, dt)
+        self._thermodynamics(0.0)
+        self._accelerate(step, dt, full=True)
+        self.correct(n, dt)
+        self.after_drift()
+        self._thermodynamics(0.0)
+
+    def after_drift(self) -> None:
+        """Called when positions have reached the end of the step (reflecting surfaces)."""
+
+    def _renew_list(self, dt: float) -> None:
+        p = self.particles
+        if self.neighbours.needs_build(p["x"], p["v"], dt):
+            self.build_list()
+
+    def _thermodynamics(self, dt: float) -> None:
+        """Density after dt (or summed), pressure and volume; then the pressure of walls."""
+        if self.summation:
+            self.sum_density(self.n)
+            dt = 0.0
+        self.equation_of_state(self.n, dt)
+        if self.options["WALLS"]:
+            self.wall_pressure(self.n)
+
+    def _accelerate(self, step: int, dt: float, full: bool = False) -> None:
+        sweep = self.full_sweep if full else self.force_sweep
+        sweep(self.n, step, 1.0 / dt)

@@ -1,0 +1,66 @@
+"""Particles at rest: for reaction and diffusion without flow."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from particell.compute.device import Device
+from particell.compute.neighbours import NeighbourList
+from particell.errors import InputError
+from particell.geometry.domain import Domain
+from particell.kernels import kernel_code
+from particell.materials import Fluid
+from particell.particles import Particles
+
+
+@dataclass(frozen=True)
+class Static:
+    """No flow: particles keep their places and densities.
+
+    Parameters
+    ----------
+    kernel, support
+        As for :class:`~particell.schemes.sdpd.SDPD`; they serve the species' diffusion.
+    """
+
+    kernel: str = "lucy"
+    support: float = 2.0
+    skin: float = 1e-9
+    density: str = "continuity"
+    fluctuations: bool = False
+    gravity: None = None
+
+    def __post_init__(self) -> None:
+        kernel_code(self.kernel)
+        if not 1.2 <= self.support <= 10:
+            raise InputError("support", self.support, "between 1.2 and 10 particle spacings")
+
+    def solver(
+        self,
+        device: Device,
+        domain: Domain,
+        particles: Particles,
+        neighbours: NeighbourList,
+        materials: list[Fluid],
+        seed: int,
+        depth_factor: float,
+    ) -> StaticSolver:
+        """What holds the particles still."""
+        return StaticSolver(particles, neighbours)
+
+
+class StaticSolver:
+    """Builds the neighbour list once; a step does nothing."""
+
+    def __init__(self, particles: Particles, neighbours: NeighbourList):
+        self.particles, self.neighbours = particles, neighbours
+
+    def initialise(self, step: int, dt: float) -> None:
+        """Build the neighbour list."""
+        self.neighbours.build(self.particles)
+
+    def restore(self) -> None:
+        """Nothing to do: the neighbour list was put back."""
+
+    def step(self, step: int, dt: float) -> None:
+        """Nothing moves."""

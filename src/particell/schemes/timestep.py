@@ -1,0 +1,91 @@
+r"""Time step and sound speed by rule.
+
+.. math::
+
+   dt \le \min\left(\frac{0.25\,h}{c_0+|v|_{max}},\ \frac{0.05\,h^2\rho}{\eta},\
+   \frac{0.05\,h^2}{\kappa_{max}},\ 0.25\sqrt{h/|g|}\right)
+
+with h the support. The explicit viscous limit is 0.10 h²/ν (0.077 with the radial friction in 3D).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from particell.errors import InputError
+
+COURANT = 0.25
+VISCOUS = 0.05
+
+
+@dataclass(frozen=True)
+class StepLimits:
+    """Largest time steps in s by reason; the smallest one holds.
+
+    Attributes
+    ----------
+    sound, viscosity, acceleration
+        The limits of the flow.
+    """
+
+    sound: float
+    viscosity: float
+    acceleration: float
+
+    @property
+    def smallest(self) -> float:
+        """The time step to use, in s."""
+        return min(self.sound, self.viscosity, self.acceleration)
+
+    @property
+    def reason(self) -> str:
+        """Which limit is the smallest."""
+        return min(("sound", "viscosity", "acceleration"), key=lambda name: getattr(self, name))
+
+
+def step_limits(
+    support: float,
+    sound_speed: float,
+    speed: float,
+    kinematic_viscosity: float,
+    gravity: float,
+) -> StepLimits:
+    """The limits above for one material; all in SI units."""
+    infinite = math.inf
+    return StepLimits(
+        sound=COURANT * support / (sound_speed + speed),
+        viscosity=VISCOUS * support**2 / kinematic_viscosity if kinematic_viscosity else infinite,
+        acceleration=COURANT * math.sqrt(support / gravity) if gravity else infinite,
+    )
+
+
+def sound_speed_by_rule(speed: float, driving_pressure: float, density: float, head: float) -> float:
+    """c₀ with c₀² = 100 max(U², Δp/ρ, |g|L): density changes by about 1 %.
+
+    Parameters
+    ----------
+    speed
+        Largest expected speed U in m/s.
+    driving_pressure
+        Pressure drop Δp in Pa that drives the flow; at low Reynolds number it is what counts.
+    density
+        ρ in kg/m³.
+    head
+        |g|L in m²/s².
+
+    Raises
+    ------
+    InputError
+        Where all are zero.
+    """
+    square = 100 * max(speed**2, driving_pressure / density, head)
+    if not (square > 0 and np.isfinite(square)):
+        raise InputError(
+            "sound_speed",
+            None,
+            "given, or a reference_speed, a pressure_drop or gravity to choose it by",
+        )
+    return math.sqrt(square)

@@ -1,0 +1,153 @@
+"""From a description (phases, scheme) to arrays of particles and a neighbour list."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from particell.compute.device import Device
+from particell.compute.neighbours import NeighbourList
+from particell.errors import InputError
+from particell.geometry.domain import Domain
+from particell.geometry.fill import lattice
+from particell.kernels import kernel_code, normalisation, power, shape_w
+from particell.materials import Fluid
+from particell.particles import Group, Particles
+from particell.phases import Phase
+
+
+def build_materials(phases: list[Phase], sound_speed: float | None) -> tuple[list[Fluid], list[int]]:
+    """The distinct materials, with sound speeds, and the index of each phase's material."""
+    materials: list[Fluid] = []
+    index = []
+    for phase in phases:
+        if phase.material not in materials:
+            materials.append(phase.material)
+        index.append(materials.index(phase.material))
+    complete = [
+        m if m.sound_speed is not None or sound_speed is None else m.with_sound_speed(sound_speed)
+        for m in materials
+    ]
+    return complete, index
+
+
+def build_particles(
+    device: Device, domain: Domain, phases: list[Phase], materials: list[int], support: float
+) -> Particles:
+    """All phases' particles in one set; ``support`` is in particle spacings."""
+    check_phases(domain, phases)
+    groups = [
+        Group(p.name, p.kind, material) for p, material in zip(phases, materials, strict=True)
+    ]
+    sizes = [len(p.points) for p in phases]
+    particles = Particles(device, sum(sizes), domain.dim, groups)
+    concatenate = np.concatenate
+    particles.set("x", concatenate([p.points for p in phases]))
+    particles.set("v", concatenate([p.velocities() for p in phases]))
+    particles.set("group", np.repeat(np.arange(len(phases)), sizes))
+    particles.set("is_wall", np.repeat([p.kind == "wall" for p in phases], sizes))
+    density = np.repeat([p.material.density for p in phases], sizes)
+    volume = concatenate([p.volume for p in phases])  # type: ignore[arg-type]
+    particles.set("density", density)
+    particles.set("mass", density * volume)
+    particles.set("support", np.repeat([support * p.particle_spacing for p in phases], sizes))
+    particles.add("volume", values=volume)
+    if any(p.kind == "wall" for p in phases):
+        add_wall_geometry(particles, phases)
+    return particles
+
+
+def check_phases(domain: Domain, phases: list[Phase]) -> None:
+    """Refuse what cannot be simulated, in one line.
+
+    Raises
+    ------
+    InputError
+        For no particles, names used twice, wrong dimensions, or fluid outside the domain.
+    """
+    if sum(len(p.points) for p in phases) == 0:
+        raise InputError("phases", [p.name for p in phases], "at least one particle")
+    names = [p.name for p in phases]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError("phase", name, "a name used once")
+    for p in phases:
+        if p.dim != domain.dim:
+            raise InputError(f"points of '{p.name}'", p.points.shape, f"of shape (n, {domain.dim})")
+        if p.kind == "fluid" and len(p.points):
+            outside = np.any((p.points < domain.lower) | (p.points > domain.upper), axis=1)
+            if outside.any():
+                point = p.points[np.flatnonzero(outside)[0]]
+                raise InputError(f"points of '{p.name}'", point.tolist(), f"inside {domain}")
+        if np.any(~np.isfinite(p.velocities())):
+            raise InputError(f"velocity of '{p.name}'", "nan or inf", "finite")
+
+
+def add_wall_geometry(particles: Particles, phases: list[Phase]) -> None:
+    """Normal, depth and curvature of the surface nearest to each wall particle."""
+    dim = particles.dim
+    normal = np.zeros((particles.n, dim))
+    depth, curvature = np.zeros(particles.n), np.zeros(particles.n)
+    first = 0
+    for p in phases:
+        rows = slice(first, first + len(p.points))
+        first += len(p.points)
+        if p.kind != "wall" or p.surface is None or not len(p.points):
+            continue
+        step = 1e-3 * p.particle_spacing
+        # a particle at the very centre of a ball has no nearest surface point: take one
+        points = p.points + 1e-6 * p.particle_spacing
+        normal[rows] = p.surface.normal(points, step)
+        depth[rows] = np.maximum(0.0, -p.surface.signed_distance(points))
+        foot = points + depth[rows, None] * normal[rows]
+        limit = 1.0 / (0.5 * p.particle_spacing)
+        curvature[rows] = np.clip(p.surface.curvature(foot, 10 * step), -limit, limit)
+    particles.add("wall_normal", dim, values=normal)
+    particles.add("wall_depth", values=depth)
+    particles.add("wall_curvature", values=curvature)
+
+
+def build_neighbours(
+    device: Device, domain: Domain, particles: Particles, skin: float
+) -> NeighbourList:
+    """A neighbour list for the particles; ``skin`` is a part of the largest support.
+
+    Raises
+    ------
+    InputError
+        Where support and skin exceed half of a periodic edge.
+    """
+    support = particles.host("support")
+    h = float(support.max())
+    reach = h * (1 + skin)
+    short = domain.lengths[domain.periodic]
+    if short.size and 2 * reach > short.min():
+        raise InputError(
+            "support", h, f"at most half of the shortest periodic edge ({short.min():g} m), with skin"
+        )
+    x = particles.host("x")
+    lower = np.where(domain.periodic, domain.lower, np.minimum(domain.lower, x.min(axis=0)))
+    upper = np.where(domain.periodic, domain.upper, np.maximum(domain.upper, x.max(axis=0)))
+    return NeighbourList(
+        device,
+        domain,
+        len(particles),
+        h,
+        skin * h,
+        lower,
+        upper,
+        uniform=bool(support.min() == support.max()),
+        walls=bool(particles.host("is_wall").any()),
+    )
+
+
+def lattice_sum(kernel: str, support: float, dim: int) -> float:
+    """Σ_j V W_ij on the infinite square (cubic) lattice, the particle itself included.
+
+    With the density summed, masses are divided by it so that the bulk has its reference density.
+    """
+    code = kernel_code(kernel)
+    reach = int(np.ceil(support))
+    cube = Domain([-reach - 0.5] * dim, [reach + 0.5] * dim)
+    r = np.linalg.norm(lattice(cube, 1.0), axis=1)
+    w = np.array([shape_w.py_func(q, code) for q in r / support])
+    return float(w.sum() * normalisation(code, dim) / power.py_func(support, dim))

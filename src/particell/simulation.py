@@ -1,0 +1,474 @@
+"""The simulation: from a description to time steps.
+
+A simulation is made of phases (who), a scheme (how they move), species and reactions (what they
+carry), and boundaries. It steps; observers look at it between steps.
+"""
+
+from __future__ import annotations
+
+import math
+import time as clock
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from particell.boundaries.reflection import Reflection
+from particell.boundaries.sponge import Sponge
+from particell.chemistry.engine import Chemistry
+from particell.chemistry.reactions import Reaction
+from particell.chemistry.reservoirs import FixedValueWall, Reservoir
+from particell.chemistry.species import Species
+from particell.compute.device import Device
+from particell.compute.loop import CompileLog
+from particell.errors import InputError, RunError
+from particell.geometry.domain import Domain
+from particell.motion import Constraints, Monitor
+from particell.phases import Phase
+from particell.schemes.sdpd import SDPD
+from particell.schemes.static import Static
+from particell.schemes.timestep import sound_speed_by_rule, step_limits
+from particell.setup import build_materials, build_neighbours, build_particles, lattice_sum
+
+if TYPE_CHECKING:
+    from particell.observers import Stop
+    from particell.output.run import Run
+
+Boundary = Reflection | Sponge | Reservoir | FixedValueWall
+#: A chemistry step moves particles by at most this part of the support.
+CHEMISTRY_MOTION = 0.1
+
+
+class Simulation:
+    """Particles that move, react and diffuse.
+
+    Parameters
+    ----------
+    domain
+        The simulated box.
+    phases
+        What is in it.
+    scheme
+        :class:`~particell.schemes.sdpd.SDPD`, or :class:`~particell.schemes.static.Static` for
+        particles at rest.
+    species, reactions
+        What the particles carry.
+    boundaries
+        Reflecting surfaces, sponges, reservoirs, walls with fixed concentrations.
+    seed
+        Of all random numbers: the same seed gives the same bits for any number of threads.
+    dt
+        Time step in s, or ``"auto"`` for the largest that the rules allow.
+    device
+        Where to compute; CPU and float64 by default.
+    normalise_diffusion
+        Divide the diffusion of species by the kernel sum, which makes the effective diffusivity
+        exact on every lattice.
+
+    Attributes
+    ----------
+    particles
+        The :class:`~particell.particles.Particles`.
+    chemistry
+        The :class:`~particell.chemistry.engine.Chemistry`, or None without species.
+    step, time, dt
+        Steps done, time in s, and the time step in s.
+    """
+
+    def __init__(
+        self,
+        domain: Domain,
+        phases: Sequence[Phase] | Phase,
+        scheme: SDPD | Static,
+        species: Sequence[Species] = (),
+        reactions: Sequence[Reaction] = (),
+        boundaries: Sequence[Boundary] = (),
+        seed: int = 1,
+        dt: float | str = "auto",
+        device: Device | None = None,
+        normalise_diffusion: bool = False,
+    ):
+        if dt != "auto" and not (isinstance(dt, int | float) and dt > 0):
+            raise InputError("dt", dt, "positive, or 'auto'")
+        self.domain, self.scheme, self.seed = domain, scheme, seed
+        self.phases = [phases] if isinstance(phases, Phase) else list(phases)
+        self.device = device or Device()
+        dim = domain.dim
+        spacing = min((p.particle_spacing for p in self.phases), default=1.0)
+        self.depth = domain.depth if domain.depth is not None else spacing
+        self.depth_factor = self.depth ** (3 - dim)
+        self.static = isinstance(scheme, Static)
+        self._speed = self._initial_speed()
+        self.materials, index = build_materials(self.phases, self._sound_speed())
+        self.particles = build_particles(
+            self.device, domain, self.phases, index, scheme.support
+        )
+        if scheme.density == "summation":
+            total = lattice_sum(scheme.kernel, scheme.support, dim)
+            self.particles.set("mass", self.particles.host("mass") / total)
+        self.neighbours = build_neighbours(self.device, domain, self.particles, scheme.skin)
+        self.solver = scheme.solver(
+            self.device,
+            domain,
+            self.particles,
+            self.neighbours,
+            self.materials,
+            seed,
+            self.depth_factor,
+        )
+        self.chemistry: Chemistry | None = None
+        if species:
+            self.chemistry = Chemistry(
+                self.device,
+                self.particles,
+                self.neighbours,
+                species,
+                reactions,
+                [b for b in boundaries if isinstance(b, Reservoir | FixedValueWall)],
+                kernel=scheme.kernel,
+                seed=seed,
+                normalise=normalise_diffusion,
+                depth=self.depth_factor,
+            )
+        elif reactions:
+            raise InputError("reactions", list(reactions), "empty without species")
+        self.constraints = Constraints(self, [b for b in boundaries])
+        if not self.static:
+            self.solver.after_drift = self.constraints.reflect  # type: ignore[method-assign]
+        self.monitor = Monitor(self)
+        self.automatic = dt == "auto"
+        self.step, self.time = 0, 0.0
+        self.chemistry_every = 1
+        self.dt = self.largest_step() if self.automatic else float(dt)
+        self.resumed, self.resumed_plan = False, None
+        self._started = False
+        self._wall_seconds = self._compile_seconds = 0.0
+        self._first_momentum: np.ndarray | None = None
+        self._first_totals: dict[str, float] = {}
+
+    # --- time step ---------------------------------------------------------------------------
+
+    def _initial_speed(self) -> float:
+        """Largest initial or expected speed; with noise, the thermal one of a particle added."""
+        scheme = self.scheme
+        fastest = max(
+            (float(np.linalg.norm(p.velocities(), axis=1).max(initial=0.0)) for p in self.phases),
+            default=0.0,
+        )
+        if isinstance(scheme, SDPD):
+            fastest = max(fastest, scheme.reference_speed)
+            if scheme.fluctuations:
+                fastest += self._thermal_speed()
+        return fastest
+
+    def _thermal_speed(self) -> float:
+        from particell.materials import BOLTZMANN
+
+        speeds = [
+            3 * math.sqrt(BOLTZMANN * (p.material.temperature or 0.0) / self._smallest_mass(p))
+            for p in self.phases
+            if p.kind == "fluid" and len(p.points)
+        ]
+        return max(speeds, default=0.0)
+
+    def _smallest_mass(self, phase: Phase) -> float:
+        return phase.material.density * float(np.min(phase.volume)) * self.depth_factor
+
+    def _sound_speed(self) -> float | None:
+        """The sound speed by rule, where a material has none and there is a flow."""
+        if all(p.material.sound_speed is not None for p in self.phases):
+            return None
+        if self.static:
+            return 1.0
+        assert isinstance(self.scheme, SDPD)
+        gravity = np.abs(self.scheme.gravity or np.zeros(self.domain.dim))
+        density = min(p.material.density for p in self.phases)
+        head = float(np.max(gravity * self.domain.lengths))
+        return sound_speed_by_rule(self._speed, self.scheme.pressure_drop, density, head)
+
+    def largest_step(self) -> float:
+        """The largest time step in s that the rules allow for the flow at its present speed."""
+        if self.static:
+            limits = self.chemistry.limits() if self.chemistry else {}
+            return min(limits.values(), default=1.0)
+        assert isinstance(self.scheme, SDPD)
+        h = float(self.particles.host("support").min())
+        gravity = float(np.linalg.norm(self.scheme.gravity or 0.0))
+        steps = [
+            step_limits(
+                h,
+                m.sound_speed or 1.0,
+                self._speed,
+                max(m.viscosity, m.bulk_viscosity) / m.density,
+                gravity,
+            ).smallest
+            for m in self.materials
+        ]
+        return min(steps)
+
+    def plan(self, every: float) -> int:
+        """Choose dt and the chemistry's step so that ``every`` is a whole number of both.
+
+        Returns
+        -------
+        int
+            Time steps per interval ``every``.
+        """
+        if not (every > 0 and math.isfinite(every)):
+            raise InputError("every", every, "positive")
+        largest = self.largest_step() if self.automatic else self.dt
+        block = 1
+        if self.chemistry and not self.static:
+            limits = [*self.chemistry.limits().values()]
+            if self._speed > 0:
+                h = float(self.particles.host("support").min())
+                limits.append(CHEMISTRY_MOTION * h / self._speed)
+            block = max(1, int(min(limits, default=largest) / largest))
+        blocks = max(1, math.ceil(every / (block * largest) * (1 - 1e-12)))
+        self.chemistry_every = block
+        self.dt = every / (blocks * block)
+        return blocks * block
+
+    # --- stepping ----------------------------------------------------------------------------
+
+    def start(self) -> None:
+        """Build the neighbour list and the initial forces; done by the first step if needed."""
+        if self._started:
+            return
+        self._started = True
+        compiling = CompileLog.seconds
+        self.solver.initialise(self.step, self.dt)
+        self.constraints.renew()
+        self.monitor.check()
+        self._first_momentum = self.monitor.momentum()
+        self._first_totals = self._net_totals()
+        self._compile_seconds += CompileLog.seconds - compiling
+
+    def advance(self, steps: int = 1) -> None:
+        """Do ``steps`` time steps of ``dt``.
+
+        Raises
+        ------
+        RunError
+            Where a field is not finite or a particle has left the domain (checked at the end).
+        """
+        self.start()
+        begin, compiling = clock.perf_counter(), CompileLog.seconds
+        chemistry, every = self.chemistry, self.chemistry_every
+        solver, constraints, dt = self.solver, self.constraints, self.dt
+        for _ in range(steps):
+            solver.step(self.step, dt)
+            constraints.relax(self.step, dt)
+            self.step += 1
+            if chemistry is not None and self.step % every == 0:
+                chemistry.step(self.step, every * dt)
+                constraints.relax_species(self.step, every * dt)
+            self.time += dt
+        self.monitor.check()
+        self._wall_seconds += clock.perf_counter() - begin
+        self._compile_seconds += CompileLog.seconds - compiling
+
+    def run(
+        self,
+        until: float,
+        every: float | None = None,
+        out: str | Path | None = None,
+        progress: bool = True,
+        checkpoint_every: float = 60.0,
+        stop: Stop | None = None,
+    ) -> Run:
+        """Advance to a time, with output.
+
+        Parameters
+        ----------
+        until
+            Time in s to advance to (a whole number of ``every``).
+        every
+            Interval in s of frames; by default a tenth of ``until``.
+        out
+            Directory for ``run.h5`` and ``checkpoint.h5``, or None to keep frames in memory.
+        progress
+            Whether to show a progress bar.
+        checkpoint_every
+            Seconds of wall time between checkpoints; there is one more at the end.
+        stop
+            A condition that ends the run early.
+
+        Returns
+        -------
+        Run
+            The frames and observables.
+
+        Raises
+        ------
+        InputError, RunError, Interrupted
+            See :mod:`particell.errors`.
+        """
+        from particell.observers import run_with_observers
+
+        return run_with_observers(self, until, every, out, progress, checkpoint_every, stop)
+
+    # --- what can be seen --------------------------------------------------------------------
+
+    @property
+    def group_names(self) -> list[str]:
+        """Names of the groups, in the order of the field ``group``."""
+        return [g.name for g in self.particles.groups]
+
+    def static_frame(self) -> dict[str, np.ndarray]:
+        """Fields that do not change, in the order of ids; masses in kg."""
+        p = self.particles
+        frame = {name: p.by_id(name) for name in ("id", "group", "support")}
+        frame["mass"] = p.by_id("mass") * self.depth_factor
+        return frame
+
+    def frame(self) -> dict[str, np.ndarray]:
+        """Fields of one trajectory frame, in the order of ids."""
+        p = self.particles
+        names = {"x": "position", "v": "velocity", "image": "image"}
+        if not self.static:
+            names |= {"density": "density", "pressure": "pressure"}
+        frame = {shown: p.by_id(name) for name, shown in names.items()}
+        if self.chemistry:
+            order = np.argsort(p.host("id"))
+            for name, s in self.chemistry.species.items():
+                frame[f"concentration/{name}"] = self.chemistry.concentration(name)[order]
+                if s.molecules:
+                    frame[f"count/{name}"] = self.chemistry.count(name)[order]
+        return frame
+
+    def observables(self) -> dict[str, float]:
+        """Scalars for time series."""
+        values: dict[str, float] = {}
+        if not self.static:
+            energy, momentum = self.monitor.kinetic_energy(), self.monitor.momentum()
+            values["kinetic_energy"] = energy
+            for axis, p in zip("xyz", momentum, strict=False):
+                values[f"momentum_{axis}"] = float(p)
+            values["largest_speed"] = self.monitor.largest_speed()
+        if self.chemistry:
+            for name, (total, booked) in self.chemistry.totals().items():
+                scale = 1 if self.chemistry.species[name].molecules else self.depth_factor
+                values[f"amount_{name}"] = total * scale
+                values[f"inflow_{name}"] = booked * scale
+        return values
+
+    def conservation(self) -> dict[str, float]:
+        """How far conserved quantities have drifted.
+
+        Momentum (without walls, gravity or sponge) relative to Σ m|v|; amounts net of booked
+        boundary flux, relative to the largest amount; molecules as whole numbers.
+        """
+        drift: dict[str, float] = {}
+        if not self.static and self._first_momentum is not None:
+            change = self.monitor.momentum() - self._first_momentum
+            scale = self.monitor.absolute_momentum()
+            drift["momentum"] = float(np.linalg.norm(change) / scale) if scale else 0.0
+        if self.chemistry:
+            for name, (total, booked) in self.chemistry.totals().items():
+                change = total - booked - self._first_totals[name]
+                if not self.chemistry.species[name].molecules:
+                    change /= max(abs(total), abs(booked), abs(self._first_totals[name]), 1e-300)
+                drift[f"amount_{name}"] = float(change)
+        drift["reflections"] = float(self.constraints.count())
+        return drift
+
+    def _net_totals(self) -> dict[str, float]:
+        if not self.chemistry:
+            return {}
+        return {name: total - booked for name, (total, booked) in self.chemistry.totals().items()}
+
+    @property
+    def performance(self) -> dict[str, float]:
+        """Particles, steps, seconds, and particle-steps per second (compilation left out)."""
+        busy = max(self._wall_seconds - self._compile_seconds, 1e-9)
+        chemistry = self.chemistry
+        return {
+            "particles": len(self.particles),
+            "steps": self.step,
+            "wall_seconds": self._wall_seconds,
+            "compile_seconds": self._compile_seconds,
+            "particle_steps_per_second": len(self.particles) * self.step / busy,
+            "neighbour_list_builds": self.neighbours.builds,
+            "ssa_events": chemistry.events if chemistry else 0,
+            "diffusion_jumps": chemistry.jumps if chemistry else 0,
+        }
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """What was chosen for this run, for the summary."""
+        return {
+            "scheme": type(self.scheme).__name__,
+            "kernel": self.scheme.kernel,
+            "support": float(self.particles.host("support").max()),
+            "skin": self.neighbours.skin,
+            "dt": self.dt,
+            "chemistry_every": self.chemistry_every,
+            "sound_speed": [m.sound_speed for m in self.materials],
+            "depth": self.depth,
+            "mass": "lattice sum" if self.scheme.density == "summation" else "density * volume",
+        }
+
+    # --- restart -----------------------------------------------------------------------------
+
+    def state(self) -> dict[str, Any]:
+        """Everything that a continuation bit for bit needs: see :meth:`restore`."""
+        p, to_host = self.particles, self.device.to_host
+        names = ("cell", "cell_start", "start", "split", "stop", "crosses", "neighbours", "x_built")
+        chemistry = self.chemistry
+        return {
+            "fields": {name: np.array(p.host(name)) for name in p},
+            "list": {name: np.array(to_host(self.neighbours.fields[name])) for name in names},
+            "capacity": self.neighbours.capacity,
+            "builds": self.neighbours.builds,
+            "step": self.step,
+            "time": self.time,
+            "dt": self.dt,
+            "chemistry_every": self.chemistry_every,
+            "speed": self._speed,
+            "wall_seconds": self._wall_seconds,
+            "seed": self.seed,
+            "first_momentum": self._first_momentum,
+            "first_totals": dict(self._first_totals),
+            "events": chemistry.events if chemistry else 0,
+            "jumps": chemistry.jumps if chemistry else 0,
+        }
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Continue from a :meth:`state` of a simulation with the same description.
+
+        Raises
+        ------
+        InputError
+            Where the state belongs to another simulation.
+        """
+        fields = state["fields"]
+        same = set(fields) == set(self.particles) and all(
+            values.shape == self.particles[name].shape for name, values in fields.items()
+        )
+        if not same or state["seed"] != self.seed:
+            raise InputError("checkpoint", "other particles, fields or seed", "of this simulation")
+        for name, values in fields.items():
+            self.particles.set(name, values)
+        self.neighbours.restore(state["capacity"], state["builds"], state["list"])
+        for name in ("step", "time", "dt", "chemistry_every"):
+            setattr(self, name, state[name])
+        self._speed, self._wall_seconds = state["speed"], state["wall_seconds"]
+        self._first_momentum = state["first_momentum"]
+        self._first_totals = dict(state["first_totals"])
+        if self.chemistry:
+            self.chemistry.events, self.chemistry.jumps = state["events"], state["jumps"]
+        self.solver.restore()
+        self.constraints.restored()
+        self.resumed, self.resumed_plan = True, state.get("plan")
+        self._started = True
+
+    def __repr__(self) -> str:
+        return (
+            f"Simulation({self.scheme!r}, {self.particles!r}, step={self.step}, "
+            f"t={self.time:.6g} s, dt={self.dt:.3g} s)"
+        )
+
+
+__all__ = ["RunError", "Simulation"]

@@ -73,8 +73,10 @@ def make_mesh(factor):
     loops = [geo.addCurveLoop(box)]
     middle = geo.addPoint(*CENTRE, 0)
     for radius in (R_OUT, R_IN):
-        ring = [geo.addPoint(CENTRE[0] + radius * c, CENTRE[1] + radius * s, 0)
-                for c, s in ((1, 0), (0, 1), (-1, 0), (0, -1))]
+        ring = [
+            geo.addPoint(CENTRE[0] + radius * c, CENTRE[1] + radius * s, 0)
+            for c, s in ((1, 0), (0, 1), (-1, 0), (0, -1))
+        ]
         arcs = [geo.addCircleArc(ring[i], middle, ring[(i + 1) % 4]) for i in range(4)]
         loops.append(geo.addCurveLoop(arcs))
     geo.addPlaneSurface(loops[:2])
@@ -146,8 +148,9 @@ def solve_flow(mesh, reynolds, parabolic_outlet=False):
         free[2 * n] = False  # the level of the pressure
     state = np.zeros(2 * n + m)
     state[:n] = np.where((inlet | outlet) & fixed, 6.0 * y * (1.0 - y), 0.0)
-    stokes = bmat([[lap, None, -div[0].T], [None, lap, -div[1].T], [-div[0], -div[1], None]],
-                  format="csr")
+    stokes = bmat(
+        [[lap, None, -div[0].T], [None, lap, -div[1].T], [-div[0], -div[1], None]], format="csr"
+    )
     lu = splu(stokes[free][:, free].tocsc(), permc_spec="COLAMD")
     for _ in range(60):
         ux, uy = (basis.interpolate(state[i * n : (i + 1) * n]) for i in (0, 1))
@@ -164,8 +167,13 @@ def solve_flow(mesh, reynolds, parabolic_outlet=False):
     for end in (0.0, ASPECT):
         edge = pbasis.boundary(mesh.facets_satisfying(lambda p, e=end: np.abs(p[0] - e) < 1e-9))
         means.append([form.assemble(edge) @ state[2 * n :] for form in (unit, parabola)])
-    return SimpleNamespace(ux=state[:n], uy=state[n : 2 * n], basis=basis,
-                           drag=-residual[:n][on_cell].sum(), drop=np.subtract(*means))
+    return SimpleNamespace(
+        ux=state[:n],
+        uy=state[n : 2 * n],
+        basis=basis,
+        drag=-residual[:n][on_cell].sum(),
+        drop=np.subtract(*means),
+    )
 
 
 def probe(basis, points):
@@ -201,21 +209,25 @@ def tabulate(basis, ux, kept, series):
     r = 0.5 * (R_IN + R_OUT) + 0.5 * (R_OUT - R_IN) * gauss
     weight = weight * r / (weight @ r)
     angle = np.deg2rad(THETA)[:, None]
-    ring = np.array([(CENTRE[0] + r * np.cos(angle)).ravel(),
-                     (CENTRE[1] + r * np.sin(angle)).ravel()])
+    ring = np.array(
+        [(CENTRE[0] + r * np.cos(angle)).ravel(), (CENTRE[1] + r * np.sin(angle)).ravel()]
+    )
     ringed = probe(basis, ring)
     sections = [probe(basis, np.array([np.full(ys.size, x), ys])) for x in ACROSS_X]
     line = np.full((xs.size, 6), np.nan)
     line[:, 0], line[:, 5] = xs, 0.0
     line[outside, 1:] = probe(basis, np.array([xs, np.full(xs.size, 0.5)])[:, outside]) @ (
-        np.column_stack([ligand for ligand, _ in kept.values()] + [ux]))
+        np.column_stack([ligand for ligand, _ in kept.values()] + [ux])
+    )
     fields = [bound for _, bound in kept.values()] + [kept[1.0][0], kept[2.0][0]]
     return {
         "centreline": line,
-        "across": np.column_stack([ys] + [m @ kept[t][0] for t in (2.0, 1.0) for m in sections]
-                                  + [sections[2] @ ux]),
-        "membrane": np.column_stack([THETA] + [(ringed @ field).reshape(THETA.size, -1) @ weight
-                                               for field in fields]),
+        "across": np.column_stack(
+            [ys] + [m @ kept[t][0] for t in (2.0, 1.0) for m in sections] + [sections[2] @ ux]
+        ),
+        "membrane": np.column_stack(
+            [THETA] + [(ringed @ field).reshape(THETA.size, -1) @ weight for field in fields]
+        ),
         "mean": np.array(series),
     }
 
@@ -245,14 +257,19 @@ def solve_species(mesh, membrane, flow, dt):
     weights, weights_cell = unit.assemble(basis), unit.assemble(inner)
     cell = np.unique(basis.element_dofs[:, membrane])
     operator = DIFF * stiffness.assemble(basis) + advection.assemble(
-        basis, ux=basis.interpolate(ux), uy=basis.interpolate(uy))
+        basis, ux=basis.interpolate(ux), uy=basis.interpolate(uy)
+    )
     system = (mass_all + GAMMA * dt * operator).tocsr()
     fixed = basis.doflocs[0] < 1e-9
     free = ~fixed
     ligand = np.where(fixed, np.heaviside(np.round(basis.doflocs[1] - 0.5, 9), 0.5), 0.0)
     boundary = system[free][:, fixed] @ ligand[fixed]
-    lu = splu(system[free][:, free].tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.01,
-              options={"SymmetricMode": True})
+    lu = splu(
+        system[free][:, free].tocsc(),
+        permc_spec="MMD_AT_PLUS_A",
+        diag_pivot_thresh=0.01,
+        options={"SymmetricMode": True},
+    )
     mass_rows, cell_rows = mass_all.tocsr()[free], mass_cell.tocsr()[free][:, cell]
     bound = np.zeros(cell.size)
 
@@ -272,17 +289,24 @@ def solve_species(mesh, membrane, flow, dt):
     ratio = (1.0 - GAMMA) / GAMMA
     for step in range(1, round(T_END / dt) + 1):
         first, first_bound = stage(ligand, bound, bound)
-        ligand, bound = stage(ligand + ratio * (first - ligand),
-                              bound + ratio * (first_bound - bound), first_bound)
+        ligand, bound = stage(
+            ligand + ratio * (first - ligand), bound + ratio * (first_bound - bound), first_bound
+        )
         now = round(step * dt, 9)
         if abs(now / SAVE - round(now / SAVE)) < 1e-6:
             full[cell] = bound
-            series.append((now, C0 * (weights_cell @ full) / weights_cell.sum(),
-                           C0 * HEIGHT**2 * (weights @ ligand)))
+            series.append(
+                (
+                    now,
+                    C0 * (weights_cell @ full) / weights_cell.sum(),
+                    C0 * HEIGHT**2 * (weights @ ligand),
+                )
+            )
             if now in TIMES:
                 kept[now] = (ligand.copy(), full.copy())
-    return SimpleNamespace(tables=tabulate(basis, ux, kept, series), basis=basis, ligand=ligand,
-                           ux=ux, uy=uy)
+    return SimpleNamespace(
+        tables=tabulate(basis, ux, kept, series), basis=basis, ligand=ligand, ux=ux, uy=uy
+    )
 
 
 def run(reynolds, factor, dt, parabolic_outlet=False):
@@ -294,24 +318,36 @@ def run(reynolds, factor, dt, parabolic_outlet=False):
     result = solve_species(curve(mesh), membrane, flow, dt)
     result.tables["flow"] = np.array([[reynolds, parabolic_outlet, factor, flow.drag, *flow.drop]])
     result.elements, result.dt, result.reynolds = mesh.nelements, dt, reynolds
-    print(f"Re={reynolds:g} size={factor:g} dt={dt:g} parabolic_outlet={parabolic_outlet}: "
-          f"{mesh.nelements} elements, {time.perf_counter() - start:.0f} s", flush=True)
+    print(
+        f"Re={reynolds:g} size={factor:g} dt={dt:g} parabolic_outlet={parabolic_outlet}: "
+        f"{mesh.nelements} elements, {time.perf_counter() - start:.0f} s",
+        flush=True,
+    )
     return result
 
 
 TABLES = {  # title and columns
-    "centreline": ("L (mol/m^3; nan in the cytoplasm) and u/v0 (0 in the cell) on y = H/2, "
-                   "x_star = x/H", "x_star,L_t0.5,L_t1.0,L_t1.5,L_t2.0,u"),
-    "across": ("L (mol/m^3) at x = 10, 50, 100, 150 um and u/v0 at x = 100 um, y_star = y/H",
-               "y_star,L_x10_t2,L_x50_t2,L_x100_t2,L_x150_t2,"
-               "L_x10_t1,L_x50_t1,L_x100_t1,L_x150_t1,u_x100"),
-    "membrane": ("RL, L (mol/m^3): area-weighted mean over 1.5 um < r < 2.5 um; 0 deg is +x, 90 +y",
-                 "theta_deg,RL_t0.5,RL_t1.0,RL_t1.5,RL_t2.0,L_t1.0,L_t2.0"),
-    "mean": ("Mean RL over the membrane (mol/m^3); free ligand in fluid and membrane (mol/m)",
-             "t_star,RL_mean,L_total"),
-    "flow": ("Drag per length over mu v0; pressure drop over mu v0/H (24 without a cell), plain\n"
-             "and flux-weighted mean; outlet 0: zero traction, 1: parabola; size 2: coarse mesh",
-             "reynolds,outlet,size,drag,pressure_drop,pressure_drop_flux_weighted"),
+    "centreline": (
+        "L (mol/m^3; nan in the cytoplasm) and u/v0 (0 in the cell) on y = H/2, x_star = x/H",
+        "x_star,L_t0.5,L_t1.0,L_t1.5,L_t2.0,u",
+    ),
+    "across": (
+        "L (mol/m^3) at x = 10, 50, 100, 150 um and u/v0 at x = 100 um, y_star = y/H",
+        "y_star,L_x10_t2,L_x50_t2,L_x100_t2,L_x150_t2,L_x10_t1,L_x50_t1,L_x100_t1,L_x150_t1,u_x100",
+    ),
+    "membrane": (
+        "RL, L (mol/m^3): area-weighted mean over 1.5 um < r < 2.5 um; 0 deg is +x, 90 +y",
+        "theta_deg,RL_t0.5,RL_t1.0,RL_t1.5,RL_t2.0,L_t1.0,L_t2.0",
+    ),
+    "mean": (
+        "Mean RL over the membrane (mol/m^3); free ligand in fluid and membrane (mol/m)",
+        "t_star,RL_mean,L_total",
+    ),
+    "flow": (
+        "Drag per length over mu v0; pressure drop over mu v0/H (24 without a cell), plain\n"
+        "and flux-weighted mean; outlet 0: zero traction, 1: parabola; size 2: coarse mesh",
+        "reynolds,outlet,size,drag,pressure_drop,pressure_drop_flux_weighted",
+    ),
 }
 CASE = """Case: channel 200 um x 100 um (H), cell of radius 2.5 um at (25, 50) um, cytoplasm
 r < 1.5 um closed to L; v0 = 2.5e-4 m/s mean, parabolic inlet, no slip; L diffuses with
@@ -323,8 +359,12 @@ def write_tables(out, best, others, options):
     """Write the CSV files; ``others`` maps a label to the run that it is compared with."""
     for name, (title, columns) in TABLES.items():
         data = best.tables[name]
-        lines = [title, CASE, f"Reynolds number {best.reynolds:g}; P2/P1 flow, P2 ligand, "
-                 f"{best.elements} curved triangles, SDIRK2, dt = {best.dt:g} t0."]
+        lines = [
+            title,
+            CASE,
+            f"Reynolds number {best.reynolds:g}; P2/P1 flow, P2 ligand, "
+            f"{best.elements} curved triangles, SDIRK2, dt = {best.dt:g} t0.",
+        ]
         ok, first = np.isfinite(data).all(axis=1), 3 if name == "flow" else 1
         norm = np.linalg.norm(data[ok, first:], axis=0)
         for label, other in others.items():
@@ -334,8 +374,13 @@ def write_tables(out, best, others, options):
             if name == "flow" and other.dt == best.dt:
                 data = np.vstack([data, other.tables[name]])
         lines += [f"Made by: python references/yeast_channel_fem.py {options}", "Columns:", columns]
-        np.savetxt(out / f"yeast_channel_{name}.csv", data, fmt="%.8g", delimiter=",",
-                   header="\n".join(lines))
+        np.savetxt(
+            out / f"yeast_channel_{name}.csv",
+            data,
+            fmt="%.8g",
+            delimiter=",",
+            header="\n".join(lines),
+        )
 
 
 def draw(path, best):
@@ -345,29 +390,64 @@ def draw(path, best):
     parts = best.basis.element_dofs[[[0, 3, 3, 5], [3, 1, 4, 4], [5, 4, 5, 2]]].reshape(3, -1).T
     scale = HEIGHT * 1e6
     fig, ((field, zoom), (line, ring)) = plt.subplots(
-        2, 2, figsize=(11, 7.6), layout="constrained", width_ratios=[2, 1])
+        2, 2, figsize=(11, 7.6), layout="constrained", width_ratios=[2, 1]
+    )
     for ax, (x0, x1, y0, y1) in ((field, (0, 2, 0, 1)), (zoom, (0.18, 0.36, 0.41, 0.59))):
-        image = ax.tripcolor(*(scale * best.basis.doflocs), parts, best.ligand, shading="gouraud",
-                             vmin=0, vmax=1, rasterized=True)
+        image = ax.tripcolor(
+            *(scale * best.basis.doflocs),
+            parts,
+            best.ligand,
+            shading="gouraud",
+            vmin=0,
+            vmax=1,
+            rasterized=True,
+        )
         gx, gy = np.linspace(x0, x1, 161), np.linspace(y0, y1, 121)
         grid = np.array(np.meshgrid(gx, gy)).reshape(2, -1)
         inner = np.hypot(*(grid - CENTRE[:, None])) < R_OUT
         matrix = probe(best.basis, np.where(inner, 0.0, grid))
         u, v = (np.where(inner, np.nan, matrix @ f).reshape(121, 161) for f in (best.ux, best.uy))
         seeds = scale * np.array([np.full(12, x0 + 1e-4), np.linspace(y0, y1, 14)[1:-1]]).T
-        ax.streamplot(scale * gx, scale * gy, u, v, start_points=seeds, color="w", linewidth=0.6,
-                      arrowsize=0.6, broken_streamlines=False)
-        ax.contour(scale * gx, scale * gy, np.hypot(*(grid - CENTRE[:, None])).reshape(u.shape),
-                   [R_IN, R_OUT], colors="k", linewidths=0.8)
-        ax.set(xlim=(scale * x0, scale * x1), ylim=(scale * y0, scale * y1), aspect="equal",
-               xlabel="x (µm)", ylabel="y (µm)", title="the cell (circles: the membrane)")
+        ax.streamplot(
+            scale * gx,
+            scale * gy,
+            u,
+            v,
+            start_points=seeds,
+            color="w",
+            linewidth=0.6,
+            arrowsize=0.6,
+            broken_streamlines=False,
+        )
+        ax.contour(
+            scale * gx,
+            scale * gy,
+            np.hypot(*(grid - CENTRE[:, None])).reshape(u.shape),
+            [R_IN, R_OUT],
+            colors="k",
+            linewidths=0.8,
+        )
+        ax.set(
+            xlim=(scale * x0, scale * x1),
+            ylim=(scale * y0, scale * y1),
+            aspect="equal",
+            xlabel="x (µm)",
+            ylabel="y (µm)",
+            title="the cell (circles: the membrane)",
+        )
     field.set_title(f"L at t* = 2 and streamlines, Re = {best.reynolds:g}")
     fig.colorbar(image, ax=zoom, label="L (mol/m³)", shrink=0.8)
     for ax, name in ((line, "centreline"), (ring, "membrane")):
         ax.plot(best.tables[name][:, 0], best.tables[name][:, 1:5])
     line.set(xlabel="x/H", ylabel="L (mol/m³)", title="along y = H/2", xlim=(0, 2))
-    ring.set(xlabel="angle (degrees)", ylabel="RL (mol/m³)", title="around the membrane",
-             xlim=(0, 360), xticks=range(0, 361, 90), ylim=(0, None))
+    ring.set(
+        xlabel="angle (degrees)",
+        ylabel="RL (mol/m³)",
+        title="around the membrane",
+        xlim=(0, 360),
+        xticks=range(0, 361, 90),
+        ylim=(0, None),
+    )
     line.legend(line.lines, [f"t* = {t:g}" for t in TIMES])
     fig.savefig(path, dpi=130)
 
@@ -383,12 +463,16 @@ def main():
     args.out.mkdir(parents=True, exist_ok=True)
     re, (size, dt) = args.reynolds, COARSE if args.coarse else FINE
     best = run(re, size, dt)
-    others = {} if args.coarse else {
-        "elements twice as large": run(re, COARSE[0], dt),
-        "time steps twice as long": run(re, size, COARSE[1]),
-        "Re = 1": run(1.0, size, dt),
-        "a parabolic outlet": run(re, size, dt, parabolic_outlet=True),
-    }
+    others = (
+        {}
+        if args.coarse
+        else {
+            "elements twice as large": run(re, COARSE[0], dt),
+            "time steps twice as long": run(re, size, COARSE[1]),
+            "Re = 1": run(1.0, size, dt),
+            "a parabolic outlet": run(re, size, dt, parabolic_outlet=True),
+        }
+    )
     options = f"--out DIR --reynolds {re:g}" + " --coarse" * args.coarse
     write_tables(args.out, best, others, options)
     if args.figure:

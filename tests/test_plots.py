@@ -28,7 +28,7 @@ def test_field_map(dim, style, tmp_path):
     random = np.random.default_rng(0)
     domain = Domain((0,) * dim, (2e-4, 1e-4, 1e-4)[:dim])
     position = random.random((100, dim)) * domain.lengths
-    figure = plots.field_map(position, position[:, 0], domain=domain, label="c", style=style)
+    figure = plots.field_map(position, 1e21 * position[:, 0], domain=domain, label="c", style=style)
     assert figure.axes[0].get_xlabel() == "x [µm]"
     assert plots.save(figure, tmp_path / "a.png").stat().st_size > 1000
 

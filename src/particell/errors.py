@@ -33,7 +33,9 @@ def unknown_name(what: str, name: str, known: Iterable[str]) -> InputError:
     names = sorted(known)
     near = difflib.get_close_matches(name, names, n=1)
     hint = f"did you mean '{near[0]}'? " if near else ""
-    return InputError(what, name, f"one of {', '.join(names)}" + (f" ({hint.strip()})" if near else ""))
+    return InputError(
+        what, name, f"one of {', '.join(names)}" + (f" ({hint.strip()})" if near else "")
+    )
 
 
 class RunError(ParticellError, RuntimeError):

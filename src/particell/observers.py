@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import signal
 import threading
@@ -17,6 +18,7 @@ from tqdm import tqdm
 
 from particell.errors import InputError, Interrupted, RunError
 from particell.output.checkpoint import write_checkpoint
+from particell.output.files import OutputError, plain
 from particell.output.run import CHECKPOINT, TRAJECTORY, Run
 from particell.output.trajectory import TrajectoryWriter
 
@@ -91,6 +93,7 @@ class Recorder:
                 simulation.domain,
                 simulation.static_frame(),
                 simulation.group_names,
+                parameters=json.dumps(plain(simulation.settings)),
             )
 
     def record(self) -> dict[str, float]:
@@ -113,16 +116,18 @@ class Recorder:
         if self.writer is not None:
             self.writer.sync()
         state = {**self.simulation.state(), "plan": plan}
-        write_checkpoint(
-            self.directory / CHECKPOINT, state, {"step": self.simulation.step}
-        )
+        write_checkpoint(self.directory / CHECKPOINT, state, {"step": self.simulation.step})
+
+    def close(self) -> None:
+        """Close the file."""
+        if self.writer is not None:
+            self.writer.close()
 
     def finish(self) -> Run:
         """Close the file and open the run."""
         s = self.simulation
+        self.close()
         if self.directory is not None:
-            assert self.writer is not None
-            self.writer.close()
             return Run(self.directory)
         return Run.from_memory(
             s.domain,
@@ -223,17 +228,18 @@ def _loop(
                     plan["next"] += plan["per_frame"]
                     bar.set_postfix_str(f"t = {simulation.time:.4g} s", refresh=False)
                     if stop is not None and stop(simulation.time, observables):
+                        plan["last"] = simulation.step  # so that a resumed run stays stopped
                         break
                 if asked[0]:
                     recorder.checkpoint(plan)
-                    recorder.finish()
+                    recorder.close()
                     where = str(recorder.directory) if recorder.directory else None
                     raise Interrupted(where, step=simulation.step, time=simulation.time)
                 if clock.monotonic() - saved > checkpoint_every:
                     recorder.checkpoint(plan)
                     saved = clock.monotonic()
-        except RunError:
+        except (RunError, OutputError):
             # the checkpoint on the disk is from before the fault: keep it
-            recorder.finish()
+            recorder.close()
             raise
         recorder.checkpoint(plan)

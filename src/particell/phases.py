@@ -114,9 +114,7 @@ def fluid(
     steps = fitting_spacing(domain, spacing)
     total = len(lattice(domain, spacing, None, kind))
     volume = domain.volume / total
-    return Phase(
-        name, material, points, volume, velocity=velocity, spacing=float(np.max(steps))
-    )
+    return Phase(name, material, points, volume, velocity=velocity, spacing=float(np.max(steps)))
 
 
 def channel_walls(

@@ -16,10 +16,11 @@ from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.tri import Triangulation
 
 from particell.geometry.domain import Domain
 from particell.output.files import replacing
-from particell.output.trajectory import unit_of
+from particell.units import field_unit
 
 # Okabe & Ito's colours, which people with any kind of colour vision can tell apart.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
@@ -29,6 +30,8 @@ STYLE: dict[str, Any] = {
     "font.size": 9,
     "axes.titlesize": 9,
     "axes.linewidth": 0.7,
+    "axes.formatter.limits": (-2, 4),
+    "axes.formatter.use_mathtext": True,
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.prop_cycle": cycler(color=COLOURS),
@@ -100,7 +103,7 @@ def field_label(name: str, component: int | None = None) -> str:
     words = f"{what[0]} of {what[1]}" if len(what) == 2 else name
     if component is not None:
         words += f" {'xyz'[component]}"
-    return label(words, unit_of(name))
+    return label(words, field_unit(name))
 
 
 def label(words: str, unit: str = "") -> str:
@@ -150,8 +153,10 @@ def field_map(
     figure, axes = _plane(domain, factor, unit)
     low, high = limits or (None, None)
     if style == "tripcolor" and len(x) > 2:
+        # Given x, y and values, matplotlib would first try the values as triangles.
+        triangles = Triangulation(x[:, 0], x[:, 1])
         mesh: Any = axes.tripcolor(
-            x[:, 0], x[:, 1], values, shading="gouraud", cmap=colours, vmin=low, vmax=high
+            triangles, values, shading="gouraud", cmap=colours, vmin=low, vmax=high
         )
     else:
         mesh = axes.scatter(
@@ -164,7 +169,8 @@ def field_map(
             vmax=high,
             linewidths=0,
         )
-    figure.colorbar(mesh, ax=axes, label=label, shrink=0.9)
+    # An inset is as high as the map, whatever the map's shape.
+    figure.colorbar(mesh, cax=axes.inset_axes((1.04, 0.0, 0.04, 1.0)), label=label)
     axes.set_title(title)
     return figure
 

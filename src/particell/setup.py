@@ -15,7 +15,9 @@ from particell.particles import Group, Particles
 from particell.phases import Phase
 
 
-def build_materials(phases: list[Phase], sound_speed: float | None) -> tuple[list[Fluid], list[int]]:
+def build_materials(
+    phases: list[Phase], sound_speed: float | None
+) -> tuple[list[Fluid], list[int]]:
     """The distinct materials, with sound speeds, and the index of each phase's material."""
     materials: list[Fluid] = []
     index = []
@@ -122,7 +124,9 @@ def build_neighbours(
     short = domain.lengths[domain.periodic]
     if short.size and 2 * reach > short.min():
         raise InputError(
-            "support", h, f"at most half of the shortest periodic edge ({short.min():g} m), with skin"
+            "support",
+            h,
+            f"at most half of the shortest periodic edge ({short.min():g} m), with skin",
         )
     x = particles.host("x")
     lower = np.where(domain.periodic, domain.lower, np.minimum(domain.lower, x.min(axis=0)))

@@ -21,7 +21,7 @@ from particell.chemistry.reactions import Reaction
 from particell.chemistry.reservoirs import FixedValueWall, Reservoir
 from particell.chemistry.species import Species
 from particell.compute.device import Device
-from particell.compute.loop import CompileLog
+from particell.compute.loop import CompileLog, suitable_threads
 from particell.errors import InputError, RunError
 from particell.geometry.domain import Domain
 from particell.motion import Constraints, Monitor
@@ -101,9 +101,7 @@ class Simulation:
         self.static = isinstance(scheme, Static)
         self._speed = self._initial_speed()
         self.materials, index = build_materials(self.phases, self._sound_speed())
-        self.particles = build_particles(
-            self.device, domain, self.phases, index, scheme.support
-        )
+        self.particles = build_particles(self.device, domain, self.phases, index, scheme.support)
         if scheme.density == "summation":
             total = lattice_sum(scheme.kernel, scheme.support, dim)
             self.particles.set("mass", self.particles.host("mass") / total)
@@ -202,6 +200,7 @@ class Simulation:
                 self._speed,
                 max(m.viscosity, m.bulk_viscosity) / m.density,
                 gravity,
+                self.scheme.viscous_factor,
             ).smallest
             for m in self.materials
         ]
@@ -237,12 +236,13 @@ class Simulation:
         if self._started:
             return
         self._started = True
-        compiling = CompileLog.seconds
+        begin, compiling = clock.perf_counter(), CompileLog.seconds
         self.solver.initialise(self.step, self.dt)
         self.constraints.renew()
         self.monitor.check()
         self._first_momentum = self.monitor.momentum()
         self._first_totals = self._net_totals()
+        self._wall_seconds += clock.perf_counter() - begin
         self._compile_seconds += CompileLog.seconds - compiling
 
     def advance(self, steps: int = 1) -> None:
@@ -257,14 +257,15 @@ class Simulation:
         begin, compiling = clock.perf_counter(), CompileLog.seconds
         chemistry, every = self.chemistry, self.chemistry_every
         solver, constraints, dt = self.solver, self.constraints, self.dt
-        for _ in range(steps):
-            solver.step(self.step, dt)
-            constraints.relax(self.step, dt)
-            self.step += 1
-            if chemistry is not None and self.step % every == 0:
-                chemistry.step(self.step, every * dt)
-                constraints.relax_species(self.step, every * dt)
-            self.time += dt
+        with suitable_threads(len(self.particles)):
+            for _ in range(steps):
+                solver.step(self.step, dt)
+                constraints.relax(self.step, dt)
+                self.step += 1
+                if chemistry is not None and self.step % every == 0:
+                    chemistry.step(self.step, every * dt)
+                    constraints.relax_species(self.step, every * dt)
+                self.time += dt
         self.monitor.check()
         self._wall_seconds += clock.perf_counter() - begin
         self._compile_seconds += CompileLog.seconds - compiling
@@ -428,6 +429,7 @@ class Simulation:
             "chemistry_every": self.chemistry_every,
             "speed": self._speed,
             "wall_seconds": self._wall_seconds,
+            "compile_seconds": self._compile_seconds,
             "seed": self.seed,
             "first_momentum": self._first_momentum,
             "first_totals": dict(self._first_totals),
@@ -455,6 +457,7 @@ class Simulation:
         for name in ("step", "time", "dt", "chemistry_every"):
             setattr(self, name, state[name])
         self._speed, self._wall_seconds = state["speed"], state["wall_seconds"]
+        self._compile_seconds = state["compile_seconds"]
         self._first_momentum = state["first_momentum"]
         self._first_totals = dict(state["first_totals"])
         if self.chemistry:

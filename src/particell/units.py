@@ -127,3 +127,22 @@ Diffusivity = Annotated[float, Quantity("m^2/s")]
 Temperature = Annotated[float, Quantity("K")]
 Rate = Annotated[float, Quantity("1/s")]
 Concentration = Annotated[float, Quantity("1/m^3")]
+
+# Units of the recorded fields.
+FIELD_UNITS = {
+    "position": "m",
+    "velocity": "m/s",
+    "density": "kg/m^3",
+    "pressure": "Pa",
+    "mass": "kg",
+    "support": "m",
+    "temperature": "K",
+    "time": "s",
+}
+
+
+def field_unit(name: str) -> str:
+    """SI unit of a recorded field by its name; empty for numbers and for what is unknown."""
+    if name.startswith("concentration/"):
+        return "1/m^3"
+    return FIELD_UNITS.get(name, "")

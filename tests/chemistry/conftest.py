@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+import numba
 import numpy as np
 import pytest
 
 from particell.chemistry.engine import Chemistry
 from particell.compute.device import Device
+from particell.compute.loop import set_threads
 from particell.compute.neighbours import NeighbourList
 from particell.geometry.domain import Domain
 from particell.particles import Group, Particles
@@ -74,9 +76,15 @@ class Lattice:
         Chemistry.add_fields(particles, species)
         neighbours.build(particles)
         options.setdefault("depth", self.depth ** (3 - self.dim))
-        return Chemistry(
-            device, particles, neighbours, species, reactions, boundaries, **options
-        )
+        return Chemistry(device, particles, neighbours, species, reactions, boundaries, **options)
+
+
+@pytest.fixture(autouse=True)
+def one_thread() -> Iterator[None]:
+    """Tiny systems run on one thread: waiting for others would take longer than the work."""
+    set_threads(1)
+    yield
+    set_threads(numba.config.NUMBA_NUM_THREADS)
 
 
 @pytest.fixture

@@ -15,7 +15,7 @@ Shepard, Proc. 23rd ACM Nat. Conf. (1968) 517; Lancaster & Salkauskas, Math. Com
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -139,20 +139,20 @@ def _shape(q: np.ndarray, code: int) -> np.ndarray:
 
     from particell.kernels import shape_w
 
-    if "all" not in _compiled:
+    if not _compiled:  # by the first call, not by the import
 
         @njit
         def evaluate(q, w, KERNEL):
             for k in range(len(q)):
                 w[k] = shape_w(q[k], KERNEL)
 
-        _compiled["all"] = evaluate
+        _compiled.append(evaluate)
     w = np.empty_like(q)
-    _compiled["all"](q, w, code)
+    _compiled[0](q, w, code)
     return w
 
 
-_compiled: dict = {}
+_compiled: list[Callable[..., None]] = []
 
 
 def _fit(
@@ -161,28 +161,38 @@ def _fit(
     """Weighted fit of a constant or a linear function at n points, evaluated there."""
 
     def total(per_pair: np.ndarray) -> np.ndarray:
-        columns = per_pair.reshape(len(i), -1).T
-        sums = np.stack([np.bincount(i, weights=c, minlength=n) for c in columns], axis=-1)
-        return sums.reshape((n, *per_pair.shape[1:]))
+        return np.bincount(i, weights=per_pair, minlength=n)
 
     weights = total(weight)
     found = weights > 0
     weight = weight / np.where(found, weights, 1.0)[i]
-    flat = values.reshape(len(i), -1)
-    mean = total(weight[:, None] * flat)
+    columns = np.ascontiguousarray(values.reshape(len(i), -1).T)
+    mean = np.stack([total(weight * column) for column in columns], axis=-1)
     mean[~found] = np.nan
     if order == 1:
-        basis = np.column_stack([np.ones(len(i)), offset])
-        moments = total(weight[:, None, None] * basis[:, :, None] * basis[:, None, :])
-        # The moments scale as 1, r, r^2: compare them as a correlation does.
-        scale = np.sqrt(np.maximum(np.einsum("nkk->nk", moments), 1e-300))
-        balanced = moments / (scale[:, :, None] * scale[:, None, :])
-        smallest = np.linalg.eigvalsh(np.where(found[:, None, None], balanced, 0.0))[:, 0]
-        solvable = found & (smallest > _SINGULAR)
         # The deviation from the mean, so that a constant comes out to the last bit.
-        deviation = flat - mean[i]
-        right = total(weight[:, None, None] * basis[:, :, None] * deviation[:, None, :])
-        right = right / scale[:, :, None]
-        solution = np.linalg.solve(balanced[solvable], right[solvable])
-        mean[solvable] += solution[:, 0] / scale[solvable, 0, None]
+        deviations = [column - mean[i, c] for c, column in enumerate(columns)]
+        weighted = [weight, *(weight * x for x in offset.T)]
+        basis = [np.ones(len(i)), *np.ascontiguousarray(offset.T)]
+        size = len(basis)
+        moments = np.empty((n, size, size))
+        for a in range(size):
+            for b in range(a + 1):
+                moments[:, a, b] = moments[:, b, a] = total(weighted[a] * basis[b])
+        right = np.stack([np.stack([total(w * d) for d in deviations], -1) for w in weighted], 1)
+        correction, solvable = _value_of_linear_fit(moments, right, found)
+        mean[solvable] += correction
     return mean.reshape((n, *values.shape[1:]))
+
+
+def _value_of_linear_fit(
+    moments: np.ndarray, right: np.ndarray, found: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """First unknown of the normal equations, and where they can be solved."""
+    # The moments scale as 1, r, r^2: compare them as a correlation does.
+    scale = np.sqrt(np.maximum(np.einsum("nkk->nk", moments), 1e-300))
+    balanced = moments / (scale[:, :, None] * scale[:, None, :])
+    smallest = np.linalg.eigvalsh(np.where(found[:, None, None], balanced, 0.0))[:, 0]
+    solvable = found & (smallest > _SINGULAR)
+    solution = np.linalg.solve(balanced[solvable], right[solvable] / scale[solvable, :, None])
+    return solution[:, 0] / scale[solvable, 0, None], solvable

@@ -235,7 +235,7 @@ def _finish(
             "backend": context.backend,
             "precision": context.precision,
             "threads": _threads(),
-            **getattr(simulation, "settings", {}),
+            **simulation.settings,
         },
     )
     case.figures(run, directory)

@@ -111,9 +111,7 @@ class Chemistry:
         both = (self.deterministic, self.stochastic)
         self._surface = any(bool((t.status == WALL_VALUE).any()) for t in both)
         self._reservoirs = any(bool((t.status == HELD).any()) for t in both)
-        self._keys = {
-            p: tuple(stream_key(seed, p)) for p in (REACTION, JUMP, INITIAL, SPONGE)
-        }
+        self._keys = {p: tuple(stream_key(seed, p)) for p in (REACTION, JUMP, INITIAL, SPONGE)}
         self._fields = self._scratch(normalisation(code, dim))
         self._amounts = self._kind_fields(self.deterministic, "amount")
         self._counts = self._kind_fields(self.stochastic, "count")

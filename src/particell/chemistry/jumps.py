@@ -24,8 +24,8 @@ Poisson stream with uniform entry times. They walk for the rest of τ, or do the
 of the number of candidates after a uniform time.
 
 Every particle draws from a Philox stream of its own for each round, and arrivals are summed as
-integers, so results do not depend on the number of threads. Rates are stored in single precision
-(relative rounding 6e-8), as cumulative sums along the row of the neighbour list.
+integers, so results do not depend on the number of threads. Rates are stored and looked up in
+single precision (rounding 6e-8 of k_i), as cumulative sums along the row of the neighbour list.
 """
 
 from __future__ import annotations
@@ -47,6 +47,8 @@ from particell.materials import AVOGADRO
 BINOMIAL_COST = 1.2
 #: Columns of the counters: jumps made, molecules that go on into the next round.
 JUMPS, PENDING = 0, 1
+#: 1 - 2^-23: the product with a single-precision number rounds to a smaller one.
+_BELOW_ONE = 0.9999998807907104
 
 
 @particle_loop
@@ -126,12 +128,17 @@ def jump_rates(
 @njit(error_model="numpy")
 def find_slot(cumulative, first, last, target):
     """The first k in first..last-1 with cumulative[k] > target; there is one. Branch-free."""
-    size = last - first
-    while size > 1:
-        half = size >> 1
-        first = first + half if cumulative[first + half - 1] <= target else first
+    # unsigned, single precision, and a product instead of a condition: five times faster than
+    # what comes to mind. The target must stay below the total when it is rounded.
+    one = np.uint64(1)
+    goal = np.float32(min(target, np.float64(cumulative[last - 1]) * _BELOW_ONE))
+    place = np.uint64(first)
+    size = np.uint64(last - first)
+    while size > one:
+        half = size >> one
+        place += half * np.uint64(cumulative[place + half - one] <= goal)
         size -= half
-    return first
+    return place
 
 
 @njit(error_model="numpy")

@@ -147,9 +147,7 @@ def rodas3(work, lane, n, g, h, size, rate, reactants, net, law, choose):
     (in the end the new concentrations), the pivots, and from 8 n on the matrix.
     """
     argument, pivots, matrix = 5 * n, 6 * n, 8 * n
-    factorise_system(
-        work, lane, n, matrix, pivots, g, h, size, rate, reactants, net, law, choose
-    )
+    factorise_system(work, lane, n, matrix, pivots, g, h, size, rate, reactants, net, law, choose)
     for stage in range(4):
         u = (stage + 1) * n
         for s in range(n):

@@ -72,7 +72,9 @@ class FixedValueWall:
 def _check_values(boundary: Reservoir | FixedValueWall) -> None:
     kind = type(boundary).__name__
     if not isinstance(boundary.values, Mapping) or not boundary.values:
-        raise InputError(f"values of {kind} {boundary.group}", boundary.values, "a table by species")
+        raise InputError(
+            f"values of {kind} {boundary.group}", boundary.values, "a table by species"
+        )
     for name, value in boundary.values.items():
         checked_rate(f"value of {name} in {kind} {boundary.group}", value)
 

@@ -22,7 +22,8 @@ import ast
 import inspect
 import textwrap
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numba
@@ -46,6 +47,7 @@ PARALLEL = {
     "fusion": False,
 }
 THREADS_PER_BLOCK = 128
+PARTICLES_PER_THREAD = 1000
 
 
 class CompileLog:
@@ -208,6 +210,21 @@ def set_threads(threads: int | None) -> int:
             raise ValueError(f"threads = {threads} is not between 1 and {available}")
         numba.set_num_threads(threads)
     return numba.get_num_threads()
+
+
+@contextmanager
+def suitable_threads(particles: int) -> Iterator[None]:
+    """Use no more threads inside the block than the number of particles keeps busy.
+
+    Threads that wait for each other after a few microseconds of work cost more than they bring,
+    above all on a machine that does other things too. Results do not depend on it.
+    """
+    before = numba.get_num_threads()
+    numba.set_num_threads(max(1, min(before, particles // PARTICLES_PER_THREAD)))
+    try:
+        yield
+    finally:
+        numba.set_num_threads(before)
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:

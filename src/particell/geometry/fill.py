@@ -105,9 +105,7 @@ def rings(ball: Ball, inner: float, outer: float, spacing: float) -> tuple[np.nd
         if low == 0 and number <= 2:
             number, radius = 1, 0.0
         angle = 2 * math.pi * (np.arange(number) + 0.5) / number
-        points.append(
-            ball.center + radius * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-        )
+        points.append(ball.center + radius * np.stack([np.cos(angle), np.sin(angle)], axis=-1))
         volumes.append(np.full(number, area / number))
     return np.concatenate(points), np.concatenate(volumes)
 

@@ -56,8 +56,9 @@ def replacing(path: str | Path) -> Iterator[Path]:
         Where the operating system refuses.
     """
     path = Path(path)
-    # The process id keeps two writers apart; the suffix stays last, as some libraries look at it.
-    partial = path.with_name(f".{path.stem}.{os.getpid()}.partial{path.suffix}")
+    # Always the same name, so that what a killed process left is overwritten by the next one; the
+    # suffix stays last, as some libraries go by it.
+    partial = path.with_name(f".{path.stem}.partial{path.suffix}")
     try:
         yield partial
         with open(partial, "rb+") as handle:

@@ -240,13 +240,12 @@ class Run:
         self._frame(frame)
         known("field", name, self.field_names)
         chosen = self.group(*groups) if groups else np.ones(len(self.static["group"]), bool)
-        position, density = self._pair("position", "density", frame)
         return interpolate(
             points,
-            position[chosen],
+            self.source.read("position", frame)[chosen],
             self.source.read(name, frame)[chosen],
-            volume=(self.static["mass"] / density)[chosen],
-            support=self.static["support"][chosen] if support is None else support,
+            volume=self._volume(frame)[chosen],
+            support=self._given("support", frame)[chosen] if support is None else support,
             domain=self.domain,
             kernel=kernel,
             order=order,
@@ -321,8 +320,15 @@ class Run:
             plots.save(figure, path)
         return figure
 
-    def _pair(self, first: str, second: str, frame: int) -> tuple[np.ndarray, np.ndarray]:
-        return self.source.read(first, frame), self.source.read(second, frame)
+    def _volume(self, frame: int) -> np.ndarray:
+        """Volumes of the particles, up to a factor (particles at rest have no density field)."""
+        mass = self._given("mass", frame)
+        known_density = "density" in self.field_names or "density" in self.static
+        return mass / self._given("density", frame) if known_density else mass
+
+    def _given(self, name: str, frame: int) -> np.ndarray:
+        """A field of a frame, or the static one where it does not change."""
+        return self.source.read(name, frame) if name in self.field_names else self.static[name]
 
     def _frame(self, k: int) -> None:
         frames = len(self)

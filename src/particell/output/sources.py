@@ -12,7 +12,7 @@ import numpy as np
 
 from particell.errors import unknown_name
 from particell.geometry.domain import AXES, Domain
-from particell.output.trajectory import PARTICLES, element_names, open_trajectory, text
+from particell.output.h5md import PARTICLES, element_names, open_trajectory, text
 
 # What indexes the frames of a series: as NumPy does.
 Index = Any

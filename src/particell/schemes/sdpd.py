@@ -25,6 +25,7 @@ from particell.laws.viscosity import friction_coefficients
 from particell.materials import BOLTZMANN, Fluid
 from particell.particles import Particles
 from particell.schemes import updates
+from particell.schemes.timestep import VISCOUS, VISCOUS_TRAPEZOIDAL_NOISE
 from particell.schemes.sweeps import rates, summed_density, wall_pressure
 
 INTEGRATORS = ("velocity-verlet", "trapezoidal")
@@ -59,7 +60,8 @@ class SDPD:
     pressure_drop
         Pressure difference in Pa that drives the flow, for the sound speed by rule.
     skin
-        What the neighbour list adds to the support, as a part of it.
+        What the neighbour list adds to the support, as a part of it; None means 0.1 without
+        noise and 0.3 with it. Changes speed only.
 
     Raises
     ------
@@ -77,9 +79,12 @@ class SDPD:
     gravity: tuple[float, ...] | None = None
     reference_speed: float = 0.0
     pressure_drop: float = 0.0
-    skin: float = 0.1
+    skin: float | None = None
 
     def __post_init__(self) -> None:
+        if self.skin is None:
+            # thermal motion separates neighbours that a flow keeps together
+            object.__setattr__(self, "skin", 0.3 if self.fluctuations else 0.1)
         kernel_code(self.kernel)
         for name, allowed in (
             ("integrator", INTEGRATORS),
@@ -90,6 +95,7 @@ class SDPD:
                 raise InputError(name, getattr(self, name), f"one of {', '.join(allowed)}")
         if not 1.2 <= self.support <= 10:
             raise InputError("support", self.support, "between 1.2 and 10 particle spacings")
+        assert self.skin is not None
         if not 0 < self.skin <= 1:
             raise InputError("skin", self.skin, "between 0 and 1 supports")
         if self.density_diffusion is not None and not self.density_diffusion >= 0:
@@ -107,6 +113,13 @@ class SDPD:
         if self.density == "summation" or self.fluctuations:
             return 0.0
         return 0.1 if self.density_diffusion is None else self.density_diffusion
+
+    @property
+    def viscous_factor(self) -> float:
+        """The factor of h²ρ/η in the automatic time step."""
+        if self.fluctuations and self.integrator == "trapezoidal":
+            return VISCOUS_TRAPEZOIDAL_NOISE
+        return VISCOUS
 
     def solver(
         self,
@@ -204,7 +217,9 @@ class SDPDSolver:
             "exponent": array(np.array([m.exponent for m in by_group])),
             "background": array(np.array([m.background_pressure for m in by_group])),
         }
-        viscosities = {f for f, g in zip(friction, particles.groups, strict=True) if g.kind == "fluid"}
+        viscosities = {
+            f for f, g in zip(friction, particles.groups, strict=True) if g.kind == "fluid"
+        }
         self.options = {
             "DIM": dim,
             "KERNEL": code,

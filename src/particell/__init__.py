@@ -1,0 +1,114 @@
+"""Particell: particle-based multiphysics for cells and other mesoscale systems.
+
+Everything a script needs is here, loaded when it is first used:
+
+>>> import particell as pc
+>>> box = pc.Domain(lower=(0, 0), upper=(1e-4, 1e-4), periodic="xy")
+"""
+
+from __future__ import annotations
+
+import importlib
+from importlib.metadata import PackageNotFoundError, version
+from typing import TYPE_CHECKING, Any
+
+try:
+    __version__ = version("particell")
+except PackageNotFoundError:  # a source tree that is not installed
+    __version__ = "0+unknown"
+
+if TYPE_CHECKING:
+    from particell.boundaries.reflection import Reflection
+    from particell.boundaries.sponge import Sponge
+    from particell.chemistry.reactions import Reaction
+    from particell.chemistry.reservoirs import FixedValueWall, Reservoir
+    from particell.chemistry.species import Species
+    from particell.compute.device import Device
+    from particell.errors import InputError, Interrupted, RunError
+    from particell.geometry.domain import Domain
+    from particell.geometry.fill import jittered, lattice, packed, rings
+    from particell.geometry.shapes import Ball, Box, Circle, HalfSpace, Sphere
+    from particell.materials import Fluid
+    from particell.observers import SteadyState
+    from particell.output.export import export_vtkhdf
+    from particell.output.run import Run
+    from particell.phases import Phase, channel_walls, fluid
+    from particell.schemes.sdpd import SDPD
+    from particell.schemes.static import Static
+    from particell.simulation import Simulation
+
+_HOME = {
+    "Ball": "geometry.shapes",
+    "Box": "geometry.shapes",
+    "Circle": "geometry.shapes",
+    "Device": "compute.device",
+    "Domain": "geometry.domain",
+    "FixedValueWall": "chemistry.reservoirs",
+    "Fluid": "materials",
+    "HalfSpace": "geometry.shapes",
+    "InputError": "errors",
+    "Interrupted": "errors",
+    "Phase": "phases",
+    "Reaction": "chemistry.reactions",
+    "Reflection": "boundaries.reflection",
+    "Reservoir": "chemistry.reservoirs",
+    "Run": "output.run",
+    "RunError": "errors",
+    "SDPD": "schemes.sdpd",
+    "Simulation": "simulation",
+    "Species": "chemistry.species",
+    "Sphere": "geometry.shapes",
+    "Sponge": "boundaries.sponge",
+    "Static": "schemes.static",
+    "SteadyState": "observers",
+    "channel_walls": "phases",
+    "export_vtkhdf": "output.export",
+    "fluid": "phases",
+    "jittered": "geometry.fill",
+    "lattice": "geometry.fill",
+    "packed": "geometry.fill",
+    "rings": "geometry.fill",
+}
+
+__all__ = [
+    "SDPD",
+    "Ball",
+    "Box",
+    "Circle",
+    "Device",
+    "Domain",
+    "FixedValueWall",
+    "Fluid",
+    "HalfSpace",
+    "InputError",
+    "Interrupted",
+    "Phase",
+    "Reaction",
+    "Reflection",
+    "Reservoir",
+    "Run",
+    "RunError",
+    "Simulation",
+    "Species",
+    "Sphere",
+    "Sponge",
+    "Static",
+    "SteadyState",
+    "channel_walls",
+    "export_vtkhdf",
+    "fluid",
+    "jittered",
+    "lattice",
+    "packed",
+    "rings",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'particell' has no attribute '{name}'")
+    return getattr(importlib.import_module(f"particell.{_HOME[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return [*__all__, "__version__"]

@@ -60,7 +60,7 @@ class RunError(ParticellError, RuntimeError):
         )
 
 
-class Interrupted(ParticellError):
+class Interrupted(ParticellError):  # noqa: N818 - the user's wish, not an error
     """The user stopped the run (Ctrl-C); its state is in the checkpoint.
 
     Parameters

@@ -85,7 +85,7 @@ def shape_f(q, KERNEL):
         return 12.0 * w * w
     if KERNEL == 1:
         return 20.0 * w * w * w
-    s = max(q, 1e-12)
+    s = max(q, 1e-6)  # nearer to zero the differences below lose all their digits
     if KERNEL == 2:
         a = max(0.0, 2.0 - 2.0 * s)
         b = max(0.0, 1.0 - 2.0 * s)

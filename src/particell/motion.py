@@ -47,7 +47,8 @@ class Constraints:
             if sponge.velocity is not None:
                 particles.set(f"sponge_velocity_{k}", sponge.velocity(x))
             for name, value in sponge.species.items():
-                particles.set(f"sponge_{name}_{k}", value(x) if callable(value) else value)
+                values = value(x) if callable(value) else np.asarray(value)
+                particles.set(f"sponge_{name}_{k}", values)
         self._seen = self.simulation.neighbours.builds
 
     def restored(self) -> None:

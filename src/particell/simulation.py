@@ -22,14 +22,16 @@ from particell.chemistry.reservoirs import FixedValueWall, Reservoir
 from particell.chemistry.species import Species
 from particell.compute.device import Device
 from particell.compute.loop import CompileLog, suitable_threads
-from particell.errors import InputError, RunError
+from particell.errors import InputError
 from particell.geometry.domain import Domain
 from particell.motion import Constraints, Monitor
 from particell.phases import Phase
-from particell.schemes.sdpd import SDPD
+from particell.restart import restore, state_of
+from particell.schemes.sdpd import SDPD, SDPDSolver
 from particell.schemes.static import Static
-from particell.schemes.timestep import sound_speed_by_rule, step_limits
+from particell.schemes.timestep import step_limits
 from particell.setup import build_materials, build_neighbours, build_particles, lattice_sum
+from particell.speeds import default_sound_speed, initial_speed
 
 if TYPE_CHECKING:
     from particell.observers import Stop
@@ -99,13 +101,14 @@ class Simulation:
         self.depth = domain.depth if domain.depth is not None else spacing
         self.depth_factor = self.depth ** (3 - dim)
         self.static = isinstance(scheme, Static)
-        self._speed = self._initial_speed()
-        self.materials, index = build_materials(self.phases, self._sound_speed())
+        self._speed = initial_speed(self.phases, scheme, self.depth_factor)
+        sound_speed = default_sound_speed(domain, self.phases, scheme, self._speed)
+        self.materials, index = build_materials(self.phases, sound_speed)
         self.particles = build_particles(self.device, domain, self.phases, index, scheme.support)
         if scheme.density == "summation":
             total = lattice_sum(scheme.kernel, scheme.support, dim)
             self.particles.set("mass", self.particles.host("mass") / total)
-        self.neighbours = build_neighbours(self.device, domain, self.particles, scheme.skin)
+        self.neighbours = build_neighbours(self.device, domain, self.particles, scheme.skin or 0.1)
         self.solver = scheme.solver(
             self.device,
             domain,
@@ -131,8 +134,8 @@ class Simulation:
             )
         elif reactions:
             raise InputError("reactions", list(reactions), "empty without species")
-        self.constraints = Constraints(self, [b for b in boundaries])
-        if not self.static:
+        self.constraints = Constraints(self, boundaries)
+        if isinstance(self.solver, SDPDSolver):
             self.solver.after_drift = self.constraints.reflect  # type: ignore[method-assign]
         self.monitor = Monitor(self)
         self.automatic = dt == "auto"
@@ -146,44 +149,6 @@ class Simulation:
         self._first_totals: dict[str, float] = {}
 
     # --- time step ---------------------------------------------------------------------------
-
-    def _initial_speed(self) -> float:
-        """Largest initial or expected speed; with noise, the thermal one of a particle added."""
-        scheme = self.scheme
-        fastest = max(
-            (float(np.linalg.norm(p.velocities(), axis=1).max(initial=0.0)) for p in self.phases),
-            default=0.0,
-        )
-        if isinstance(scheme, SDPD):
-            fastest = max(fastest, scheme.reference_speed)
-            if scheme.fluctuations:
-                fastest += self._thermal_speed()
-        return fastest
-
-    def _thermal_speed(self) -> float:
-        from particell.materials import BOLTZMANN
-
-        speeds = [
-            3 * math.sqrt(BOLTZMANN * (p.material.temperature or 0.0) / self._smallest_mass(p))
-            for p in self.phases
-            if p.kind == "fluid" and len(p.points)
-        ]
-        return max(speeds, default=0.0)
-
-    def _smallest_mass(self, phase: Phase) -> float:
-        return phase.material.density * float(np.min(phase.volume)) * self.depth_factor
-
-    def _sound_speed(self) -> float | None:
-        """The sound speed by rule, where a material has none and there is a flow."""
-        if all(p.material.sound_speed is not None for p in self.phases):
-            return None
-        if self.static:
-            return 1.0
-        assert isinstance(self.scheme, SDPD)
-        gravity = np.abs(self.scheme.gravity or np.zeros(self.domain.dim))
-        density = min(p.material.density for p in self.phases)
-        head = float(np.max(gravity * self.domain.lengths))
-        return sound_speed_by_rule(self._speed, self.scheme.pressure_drop, density, head)
 
     def largest_step(self) -> float:
         """The largest time step in s that the rules allow for the flow at its present speed."""
@@ -415,27 +380,7 @@ class Simulation:
 
     def state(self) -> dict[str, Any]:
         """Everything that a continuation bit for bit needs: see :meth:`restore`."""
-        p, to_host = self.particles, self.device.to_host
-        names = ("cell", "cell_start", "start", "split", "stop", "crosses", "neighbours", "x_built")
-        chemistry = self.chemistry
-        return {
-            "fields": {name: np.array(p.host(name)) for name in p},
-            "list": {name: np.array(to_host(self.neighbours.fields[name])) for name in names},
-            "capacity": self.neighbours.capacity,
-            "builds": self.neighbours.builds,
-            "step": self.step,
-            "time": self.time,
-            "dt": self.dt,
-            "chemistry_every": self.chemistry_every,
-            "speed": self._speed,
-            "wall_seconds": self._wall_seconds,
-            "compile_seconds": self._compile_seconds,
-            "seed": self.seed,
-            "first_momentum": self._first_momentum,
-            "first_totals": dict(self._first_totals),
-            "events": chemistry.events if chemistry else 0,
-            "jumps": chemistry.jumps if chemistry else 0,
-        }
+        return state_of(self)
 
     def restore(self, state: dict[str, Any]) -> None:
         """Continue from a :meth:`state` of a simulation with the same description.
@@ -445,33 +390,10 @@ class Simulation:
         InputError
             Where the state belongs to another simulation.
         """
-        fields = state["fields"]
-        same = set(fields) == set(self.particles) and all(
-            values.shape == self.particles[name].shape for name, values in fields.items()
-        )
-        if not same or state["seed"] != self.seed:
-            raise InputError("checkpoint", "other particles, fields or seed", "of this simulation")
-        for name, values in fields.items():
-            self.particles.set(name, values)
-        self.neighbours.restore(state["capacity"], state["builds"], state["list"])
-        for name in ("step", "time", "dt", "chemistry_every"):
-            setattr(self, name, state[name])
-        self._speed, self._wall_seconds = state["speed"], state["wall_seconds"]
-        self._compile_seconds = state["compile_seconds"]
-        self._first_momentum = state["first_momentum"]
-        self._first_totals = dict(state["first_totals"])
-        if self.chemistry:
-            self.chemistry.events, self.chemistry.jumps = state["events"], state["jumps"]
-        self.solver.restore()
-        self.constraints.restored()
-        self.resumed, self.resumed_plan = True, state.get("plan")
-        self._started = True
+        restore(self, state)
 
     def __repr__(self) -> str:
         return (
             f"Simulation({self.scheme!r}, {self.particles!r}, step={self.step}, "
             f"t={self.time:.6g} s, dt={self.dt:.3g} s)"
         )
-
-
-__all__ = ["RunError", "Simulation"]

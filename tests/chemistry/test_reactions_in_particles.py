@@ -87,7 +87,7 @@ def test_fast_decay_never_goes_negative(lattice):
 
 
 def test_user_rate_law(lattice):
-    def michaelis_menten(C, k):  # noqa: N803
+    def michaelis_menten(C, k):
         return k * C[0] / (0.5 + C[0])
 
     law = Reaction("S -> P", forward=2.0, rate_law=michaelis_menten)
@@ -185,7 +185,7 @@ def test_isomerisation_sits_at_one_half(lattice):
 def test_user_propensity(lattice):
     """The law of "A -> 0" written by hand: binomial survival."""
 
-    def decay(N, V, k):  # noqa: N803
+    def decay(N, V, k):
         return k * N[0]
 
     reaction = Reaction("A -> 0", forward=0.8, propensity=decay)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from particell.compute.loop import particle_loop
+from particell.compute.rounding import nearest_integer
 from particell.errors import InputError
 from particell.geometry.shapes import Ball, HalfSpace
 
@@ -67,7 +68,7 @@ def reflect(i, x, v, is_wall, surfaces, number, period, inverse_period, reflecti
         for d in range(DIM):
             offset = x[i, d] - surfaces[s, 2 + d]
             if radius > 0.0:
-                offset -= period[d] * np.rint(offset * inverse_period[d])
+                offset -= period[d] * nearest_integer(offset * inverse_period[d])
                 flow += offset * v[i, d]
             else:
                 along += offset * surfaces[s, 2 + DIM + d]
@@ -85,7 +86,7 @@ def reflect(i, x, v, is_wall, surfaces, number, period, inverse_period, reflecti
             normal = surfaces[s, 2 + DIM + d]
             if radius > 0.0:
                 offset = x[i, d] - surfaces[s, 2 + d]
-                offset -= period[d] * np.rint(offset * inverse_period[d])
+                offset -= period[d] * nearest_integer(offset * inverse_period[d])
                 normal = offset / (r + 1e-300)
             x[i, d] -= 2.0 * distance * normal
             if side * flow < 0.0:

@@ -15,7 +15,12 @@ if TYPE_CHECKING:
     from particell.cases.base import Case
 
 # name: (module and class, what it is in one line)
-CASES: dict[str, tuple[str, str]] = {}
+CASES: dict[str, tuple[str, str]] = {
+    "yeast-channel": (
+        "particell.cases.yeast_channel:YeastChannel",
+        "Reactive flow past a yeast cell, with concentrations and with molecules",
+    ),
+}
 
 
 def names() -> list[str]:

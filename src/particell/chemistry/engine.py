@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
-import numba
 import numpy as np
 
 from particell.chemistry import jumps, massaction, reservoirs, ssa
@@ -14,8 +13,14 @@ from particell.chemistry.network import Tables, build_tables, dispatcher
 from particell.chemistry.reactions import Reaction
 from particell.chemistry.reservoirs import HELD, WALL_VALUE, FixedValueWall, Reservoir
 from particell.chemistry.species import Species, checked_rate
+from particell.chemistry.storage import (
+    prepare,
+    scratch_fields,
+    shared_jump_tables,
+    table_fields,
+)
 from particell.compute.device import Device
-from particell.compute.loop import Loop, particle_loop
+from particell.compute.loop import Loop
 from particell.compute.neighbours import NeighbourList
 from particell.compute.philox import INITIAL, JUMP, REACTION, SPONGE, stream_key
 from particell.compute.reduce import Reduction
@@ -26,16 +31,6 @@ from particell.materials import AVOGADRO
 from particell.particles import Particles
 
 Values = float | np.ndarray | Callable[[np.ndarray], np.ndarray | float]
-#: Bytes of one row of counters, so that threads do not share cache lines.
-_COUNTERS = 16
-
-
-@particle_loop
-def prepare(i, mass, density, amount, volume, concentration, *, COLUMNS):
-    """Volumes and concentrations of all particles."""
-    volume[i] = mass[i] / density[i]
-    for s in range(COLUMNS):
-        concentration[i, s] = amount[i, s] / volume[i]
 
 
 class Chemistry:
@@ -112,10 +107,13 @@ class Chemistry:
         self._surface = any(bool((t.status == WALL_VALUE).any()) for t in both)
         self._reservoirs = any(bool((t.status == HELD).any()) for t in both)
         self._keys = {p: tuple(stream_key(seed, p)) for p in (REACTION, JUMP, INITIAL, SPONGE)}
-        self._fields = self._scratch(normalisation(code, dim))
-        self._amounts = self._kind_fields(self.deterministic, "amount")
-        self._counts = self._kind_fields(self.stochastic, "count")
-        self._jump_tables = self._share_jump_tables()
+        self._fields = scratch_fields(
+            device, particles, self.deterministic, self.stochastic, self._surface, normalise
+        )
+        self._fields.update(alpha=normalisation(code, dim), depth=self.depth)
+        self._amounts = table_fields(device, self.deterministic, "amount")
+        self._counts = table_fields(device, self.stochastic, "count")
+        self._jump_tables = shared_jump_tables(device, self.stochastic)
         self._laws = {
             "C, k": dispatcher(self.deterministic.laws, "C, k"),
             "N, V, k": dispatcher(self.stochastic.laws, "N, V, k"),
@@ -150,8 +148,8 @@ class Chemistry:
 
         Notes
         -----
-        Molecules: C V depth 𝒩 is rounded at random without bias, by the particle's own random number
-        (purpose ``INITIAL``, counter id and species).
+        Molecules: C V depth 𝒩 is rounded at random without bias, by a random number of
+        the particle's own (purpose ``INITIAL``, counter id and species).
         """
         chosen, numbers = self._values(name, values, group)
         if (numbers < 0).any() or not np.isfinite(numbers).all():
@@ -193,6 +191,13 @@ class Chemistry:
             return p.host("amount")[:, column] / volume
         return p.host("count")[:, column] / (volume * self.depth * AVOGADRO)
 
+    def count(self, name: str) -> np.ndarray:
+        """Molecules of a species, int64 (n,), in memory order."""
+        table, column = self._column(name)
+        if table is self.deterministic:
+            raise InputError("species", name, "one with molecules=True, to have a count")
+        return self.particles.host("count")[:, column]
+
     def totals(self) -> dict[str, tuple[float | int, float | int]]:
         """For each species its total and what was booked: mol, or whole numbers of molecules.
 
@@ -214,7 +219,7 @@ class Chemistry:
         diffusion is exact for any step, the accuracy of splitting it from reactions and flow.
         """
         result = {}
-        smallest = -self._reduction.max(-self.particles.host("support"))
+        smallest = float(self.particles.host("support").min())
         for table, name in (
             (self.deterministic, "diffusion of concentrations"),
             (self.stochastic, "diffusion of molecules"),
@@ -387,79 +392,6 @@ class Chemistry:
             else:
                 raise KeyError(f"{loop.__name__}: {name}")
         run(n, *arguments)
-
-    def _scratch(self, alpha: float) -> dict[str, Any]:
-        """Arrays that loops use, by the names of their arguments."""
-        zeros, n = self.device.zeros, self.particles.n
-        threads = numba.config.NUMBA_NUM_THREADS if self.device.backend == "cpu" else 1
-        columns = len(self.deterministic.names)
-        molecules = n if self.stochastic.names else 1
-        fields: dict[str, Any] = {
-            "alpha": alpha,
-            "depth": self.depth,
-            "volume": zeros(n, np.float64),
-            "kernel_sum": zeros(n if self.normalise else 1, np.float64),
-            "concentration": zeros((n if columns else 1, max(columns, 1)), np.float64),
-            "cumulative": zeros(1, np.float32),
-            "leave_rate": zeros(molecules, np.float64),
-            "inflow": zeros(molecules, np.float64),
-            "arrived": zeros(molecules, np.int64),
-            "moving": zeros((threads, molecules), np.int64),
-            "landed": zeros((threads, molecules), np.int64),
-            "counters": zeros((threads, _COUNTERS), np.int64),
-            "event_counter": zeros((threads, _COUNTERS), np.int64),
-            "zero_counters": np.zeros((threads, _COUNTERS), np.int64),
-        }
-        if self.deterministic.reactions:
-            lanes = min(massaction.LANES, n)
-            fields["work"] = zeros((lanes, massaction.work_columns(columns)), np.float64)
-            fields["substeps"] = zeros(lanes, np.int64)
-        dim = self.particles.dim
-        walls = {"wall_normal": (1, dim), "wall_depth": 1, "wall_curvature": 1}
-        for name, shape in walls.items():
-            if name not in self.particles:
-                if self._surface:
-                    raise InputError(
-                        "FixedValueWall", name, "on walls whose particles know their surface"
-                    )
-                fields[name] = zeros(shape)
-        return fields
-
-    def _kind_fields(self, tables: Tables, field: str) -> dict[str, Any]:
-        """The tables of one kind of species as device arrays, by the names of arguments."""
-        array = self.device.array
-        fields = {
-            "pair_kappa": array(tables.pair_diffusivity),
-            "status": array(tables.status),
-            "value": array(tables.value),
-            "columns": array(tables.diffusing),
-            "reactants": array(tables.reactants),
-            "repeats": array(tables.repeats),
-            "net": array(tables.net),
-            "rate": array(tables.rate),
-            "volume_power": array(tables.volume_power),
-            "law": array(tables.law),
-        }
-        if not tables.names:
-            kind = np.float64 if field == "amount" else np.int64
-            fields[field] = self.device.zeros((1, 1), kind)
-        return fields
-
-    def _share_jump_tables(self) -> list[tuple[dict[str, Any], list[int]]]:
-        """Tables of one species each, and the species that share them."""
-        t = self.stochastic
-        shared: dict[bytes, tuple[dict[str, Any], list[int]]] = {}
-        for s in t.diffusing:
-            kappa = np.ascontiguousarray(t.pair_diffusivity[:, :, s])
-            status = np.ascontiguousarray(t.status[:, s])
-            value = np.where(status == WALL_VALUE, t.value[:, s], 0.0)
-            key = kappa.tobytes() + status.tobytes() + value.tobytes()
-            if key not in shared:
-                arrays = {"pair_kappa": kappa, "status": status, "value": value}
-                device_arrays = {k: self.device.array(a) for k, a in arrays.items()}
-                shared[key] = device_arrays, []
-            shared[key][1].append(int(s))
-        return list(shared.values())
 
     def _column(self, name: str) -> tuple[Tables, int]:
         for table in (self.deterministic, self.stochastic):

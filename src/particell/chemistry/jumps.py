@@ -141,104 +141,6 @@ def find_slot(cumulative, first, last, target):
     return place
 
 
-@njit(error_model="numpy")
-def next_particle(i, target, start, stop, neighbours, cumulative):
-    """The neighbour of i in whose share of the cumulative rates ``target`` lies."""
-    return np.int64(neighbours[find_slot(cumulative, start[i], stop[i], target)])
-
-
-@njit(error_model="numpy")
-def walk(i, left, c0, c1, c2, block, k0, k1, start, stop, neighbours, cumulative, leave_rate):
-    """Walk from i for the time ``left``: where it ends, the number of jumps, the next block."""
-    jumps = 0
-    i = np.int64(i)  # the index of a parallel loop is unsigned
-    w0, w1, w2, w3 = philox(c0, c1, c2, np.uint64(block), k0, k1)
-    block += 1
-    spare = True
-    while True:
-        rate = leave_rate[i]
-        u = uniform32(w0)
-        # exp(-y) >= 1 - y settles most cases without the logarithm
-        if u <= 1.0 - rate * left:
-            return i, jumps, block
-        left += math.log(u) / rate
-        if left <= 0.0:
-            return i, jumps, block
-        i = next_particle(i, uniform32(w1) * rate, start, stop, neighbours, cumulative)
-        jumps += 1
-        if spare:
-            w0, w1 = w2, w3
-        else:
-            w0, w1, w2, w3 = philox(c0, c1, c2, np.uint64(block), k0, k1)
-            block += 1
-        spare = not spare
-
-
-@njit(error_model="numpy")
-def leave_and_walk(
-    i, tau, p, c0, c1, c2, block, k0, k1, start, stop, neighbours, cumulative, leave_rate
-):
-    """A molecule that leaves i before tau (probability p), then walks on; see :func:`walk`."""
-    i = np.int64(i)
-    rate = leave_rate[i]
-    w0, w1, w2, w3 = philox(c0, c1, c2, np.uint64(block), k0, k1)
-    block += 1
-    origin = rate
-    i = next_particle(i, uniform32(w1) * rate, start, stop, neighbours, cumulative)
-    rate = leave_rate[i]
-    u = uniform32(w2)
-    if u <= 1.0 - rate * tau:  # no further jump, whenever the first one was
-        return i, 1, block
-    left = tau + math.log(1.0 - uniform32(w0) * p) / origin + math.log(u) / rate
-    if left <= 0.0:
-        return i, 1, block
-    i = next_particle(i, uniform32(w3) * rate, start, stop, neighbours, cumulative)
-    i, jumps, block = walk(
-        i, left, c0, c1, c2, block, k0, k1, start, stop, neighbours, cumulative, leave_rate
-    )
-    return i, jumps + 2, block
-
-
-@njit(error_model="numpy")
-def walk_candidates(
-    i,
-    m,
-    fastest,
-    further,
-    c0,
-    c1,
-    c2,
-    block,
-    k0,
-    k1,
-    start,
-    stop,
-    neighbours,
-    cumulative,
-    leave_rate,
-):
-    """Walk a molecule that has its m-th candidate jump on the uniformised chain to the end."""
-    jumps = 0
-    i = np.int64(i)  # the index of a parallel loop is unsigned
-    w0, w1, w2, w3 = philox(c0, c1, c2, np.uint64(block), k0, k1)
-    block += 1
-    spare = True
-    while True:
-        target = uniform32(w0) * fastest
-        if target < leave_rate[i]:
-            i = next_particle(i, target, start, stop, neighbours, cumulative)
-            jumps += 1
-        m += 1
-        if m >= len(further) or uniform32(w1) >= further[m]:
-            return i, jumps, block
-        if spare:
-            w0, w1 = w2, w3
-        else:
-            w0, w1, w2, w3 = philox(c0, c1, c2, np.uint64(block), k0, k1)
-            block += 1
-        spare = not spare
-
-
 @particle_loop
 def move(
     i,
@@ -272,74 +174,61 @@ def move(
     Molecules whose walk is over are added to ``landed``, those that may have further candidates
     to ``moving``; both have shape (threads, n). ``stream`` tells apart the sets of rounds of one
     step (species; residents and those from outside).
+
+    The walk of a molecule is written out here and in :func:`enter`: as a function that takes
+    arrays it would be slower by half, Numba counting references of each array in every call.
     """
     number = count[i, s] if m == 0 else arrived[i]
     if number == 0:
         return
-    absorbing = status[group[i]] != 0
-    if absorbing:
+    if status[group[i]] != 0:
         if m > 0:
             count_booked[i, s] -= number
         return
     c0 = np.uint64(id[i])
     c1 = np.uint64(step)
     c2 = np.uint64(stream * 65536 + m)
-    block = 0
     jumps = 0
-    rate = leave_rate[i]
-    slots = stop[i] - start[i]
-    p = -math.expm1(-rate * tau)
-    limit = binomial_cost * slots
-    if m == 0 and (rate == 0.0 or number * p < limit * max(1.0, fastest * tau)):
-        leaving, block = binomial(number, p, c0, c1, c2, block, key0, key1)
-        count[i, s] -= leaving
-        for _ in range(leaving):
-            end, made, block = leave_and_walk(
-                i,
-                tau,
-                p,
-                c0,
-                c1,
-                c2,
-                block,
-                key0,
-                key1,
-                start,
-                stop,
-                neighbours,
-                cumulative,
-                leave_rate,
-            )
-            scatter_add(landed, end, 1)
-            jumps += made
-        scatter_add(counters, 0, jumps)
-        return
-    going, block = binomial(number, further[m], c0, c1, c2, block, key0, key1)
+    leave = leave_rate[i]
+    limit = binomial_cost * (stop[i] - start[i])
+    p = -math.expm1(-leave * tau)
+    timed = m == 0 and (leave == 0.0 or number * p < limit * max(1.0, fastest * tau))
+    going, block = binomial(number, p if timed else further[m], c0, c1, c2, 0, key0, key1)
     if m == 0:
         count[i, s] -= going
     else:
         count[i, s] += number - going
-    if going < limit:
+    if timed or going < limit:
         for _ in range(going):
-            end, made, block = walk_candidates(
-                i,
-                m,
-                fastest,
-                further,
-                c0,
-                c1,
-                c2,
-                block,
-                key0,
-                key1,
-                start,
-                stop,
-                neighbours,
-                cumulative,
-                leave_rate,
-            )
-            scatter_add(landed, end, 1)
-            jumps += made
+            place = np.int64(i)
+            left = tau  # an upper bound until the time of the first jump is needed
+            tries = 0
+            walking = True
+            while walking:
+                w0, w1, w2, _w3 = philox(c0, c1, c2, np.uint64(block), key0, key1)
+                block += 1
+                tries += 1
+                rate = leave_rate[place]
+                target = uniform32(w0) * (rate if timed else fastest)
+                if target < rate:
+                    slot = find_slot(cumulative, start[place], stop[place], target)
+                    place = np.int64(neighbours[slot])
+                    jumps += 1
+                u = uniform32(w1)
+                if timed:
+                    # exp(-y) >= 1 - y settles most cases without a logarithm
+                    onward = leave_rate[place]
+                    walking = u > 1.0 - onward * left
+                    if walking:
+                        if tries == 1:
+                            left += math.log(1.0 - uniform32(w2) * p) / rate
+                        left += math.log(u) / onward
+                        walking = left > 0.0
+                else:
+                    walking = m + tries < len(further)
+                    if walking:
+                        walking = u < further[m + tries]
+            scatter_add(landed, place, 1)
         scatter_add(counters, 0, jumps)
         return
     scatter_add(counters, 1, going)
@@ -388,46 +277,45 @@ def enter(
 
     A reservoir sends them to its neighbours; next to a wall with a value they start in i itself.
     """
-    rate = inflow[i]
-    if rate == 0.0:
+    inward = inflow[i]
+    if inward == 0.0:
         return
     c0 = np.uint64(id[i])
     c1 = np.uint64(step)
     c2 = np.uint64(stream * 65536)
-    block = 0
     jumps = 0
     reservoir = status[group[i]] == 1
-    mean = rate * tau
+    mean = inward * tau
     if reservoir:
         mean *= count[i, s]
-    number, block = poisson(mean, c0, c1, c2, block, key0, key1)
+    number, block = poisson(mean, c0, c1, c2, 0, key0, key1)
     count_booked[i, s] += number
     if number < binomial_cost * (stop[i] - start[i]):
         for _ in range(number):
-            w0, w1, w2, w3 = philox(c0, c1, c2, np.uint64(block), key0, key1)
+            w0, w1, _w2, _w3 = philox(c0, c1, c2, np.uint64(block), key0, key1)
             block += 1
-            begin = np.int64(i)
-            if reservoir:
-                target = uniform32(w1) * rate
-                begin = next_particle(begin, target, start, stop, neighbours, cumulative)
+            place = np.int64(i)
+            left = tau * uniform32(w0)
+            rate = inward
+            walking = True
+            if not reservoir:
+                rate = leave_rate[place]
+                left += math.log(uniform32(w1)) / rate
+                walking = left > 0.0
+            while walking:
+                w0, w1, _w2, _w3 = philox(c0, c1, c2, np.uint64(block), key0, key1)
+                block += 1
+                target = uniform32(w0) * rate
+                slot = find_slot(cumulative, start[place], stop[place], target)
+                place = np.int64(neighbours[slot])
                 jumps += 1
-            end, made, block = walk(
-                begin,
-                tau * uniform32(w0),
-                c0,
-                c1,
-                c2,
-                block,
-                key0,
-                key1,
-                start,
-                stop,
-                neighbours,
-                cumulative,
-                leave_rate,
-            )
-            scatter_add(landed, end, 1)
-            jumps += made
+                rate = leave_rate[place]
+                u = uniform32(w1)
+                walking = u > 1.0 - rate * left
+                if walking:
+                    left += math.log(u) / rate
+                    walking = left > 0.0
+            scatter_add(landed, place, 1)
         scatter_add(counters, 0, jumps)
         return
     scatter_add(counters, 1, number)
@@ -437,7 +325,7 @@ def enter(
             if number > 0:
                 high = np.float64(cumulative[k])
                 part, block = conditional_binomial(
-                    number, low, high, rate, c0, c1, c2, block, key0, key1
+                    number, low, high, inward, c0, c1, c2, block, key0, key1
                 )
                 low = high
                 if part > 0:

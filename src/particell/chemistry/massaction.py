@@ -1,4 +1,4 @@
-r"""Deterministic reactions of concentrations, each particle well mixed, with sub-steps of their own.
+r"""Deterministic reactions of concentrations, each particle well mixed and sub-stepped.
 
 .. math:: \frac{dC_s}{dt} = \sum_r \nu_{rs}\, r_r(C), \qquad r_r = k_r \prod C^{\text{order}},
 
@@ -42,7 +42,7 @@ def work_columns(species: int) -> int:
 @njit(error_model="numpy")
 def reaction_rate(r, work, lane, at, n, k, reactants, law, choose):
     """Rate of reaction r in mol/m³/s, of the concentrations at ``work[lane, at:at+n]``."""
-    if choose is not None:  # decided at compile time
+    if choose is not None:  # noqa: SIM102 - decided at compile time
         if law[r] > 0:
             return choose(law[r] - 1, work[lane, at : at + n], k)
     rate = k
@@ -55,7 +55,7 @@ def reaction_rate(r, work, lane, at, n, k, reactants, law, choose):
 @njit(error_model="numpy")
 def rate_slope(r, s, work, lane, n, k, size, reactants, law, choose):
     """Derivative of the rate of reaction r with respect to species s at ``work[lane, 0:n]``."""
-    if choose is not None:
+    if choose is not None:  # noqa: SIM102 - decided at compile time
         if law[r] > 0:
             kept = work[lane, s]
             step = 1e-7 * max(kept, 1e-3 * size)

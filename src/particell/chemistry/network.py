@@ -244,7 +244,7 @@ def _fill_reaction(
             tables.volume_power[r] = 1 - place
     columns = [tables.names.index(name) for name in reaction.names]
     rate = reaction.backward if back else reaction.forward
-    allowed = tables.present[:, columns].all(axis=1)
+    allowed: np.ndarray = np.all(tables.present[:, columns], axis=1)
     for g, group in enumerate(groups):
         named = reaction.only_in is None or group.name in reaction.only_in
         if reaction.only_in is not None and named and not allowed[g]:

@@ -27,7 +27,7 @@ from particell.materials import AVOGADRO
 @njit(error_model="numpy")
 def propensity(r, count, i, volume, k, reactants, repeats, volume_power, law, choose):
     """Events per second of reaction r: k (V 𝒩)^(1-order) times the falling factorials."""
-    if choose is not None:  # decided at compile time
+    if choose is not None:  # noqa: SIM102 - decided at compile time
         if law[r] > 0:
             return max(0.0, choose(law[r] - 1, count[i], volume, k))
     a = k

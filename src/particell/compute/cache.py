@@ -12,10 +12,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numba
 from platformdirs import user_cache_path
 
+#: Numba sets the attributes of its configuration at run time, unseen by type checkers.
+NUMBA_CONFIG: Any = numba.config
 PACKAGE = Path(__file__).resolve().parent.parent
 
 
@@ -37,9 +40,9 @@ def cache_directory() -> Path:
 @contextmanager
 def compiled_here() -> Iterator[None]:
     """Make Numba pick :func:`cache_directory` for functions created inside the block."""
-    previous = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(cache_directory())
+    previous = NUMBA_CONFIG.CACHE_DIR
+    NUMBA_CONFIG.CACHE_DIR = str(cache_directory())
     try:
         yield
     finally:
-        numba.config.CACHE_DIR = previous
+        NUMBA_CONFIG.CACHE_DIR = previous

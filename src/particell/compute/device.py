@@ -83,9 +83,7 @@ class Device:
             ``f(n, *missing)``.
         """
         run = loop.specialise(self.backend, **constants)
-        compiled = getattr(run, "compiled", run)
         missing = [name for name in loop.arguments if name not in fields]
-        state = {"first": True}
         bound = [fields.get(name) for name in loop.arguments]
         places = [k for k, name in enumerate(loop.arguments) if name not in fields]
 
@@ -94,11 +92,7 @@ class Device:
                 raise TypeError(f"{loop.__name__} still needs {missing}")
             for place, value in zip(places, args, strict=True):
                 bound[place] = value
-            if state["first"]:
-                state["first"] = False
-                run(n, *bound)
-            else:
-                compiled(n, *bound)
+            run(n, *bound)
 
         return call
 

@@ -29,7 +29,7 @@ from typing import Any
 import numba
 from numba import njit, prange
 
-from particell.compute.cache import compiled_here
+from particell.compute.cache import NUMBA_CONFIG, compiled_here
 
 #: ``fastmath=True`` would delete ``isfinite``. Re-association is left out on purpose: with it LLVM
 #: vectorises the sums over neighbours with gather instructions, which are more than twice slower
@@ -118,11 +118,16 @@ class _ReturnToContinue(ast.NodeTransformer):
         return ast.copy_location(ast.Continue(), node)
 
     def visit_For(self, node: ast.For) -> ast.AST:
-        if any(isinstance(inner, ast.Return) for inner in ast.walk(node)):
-            raise SyntaxError("'return' inside an inner loop of a particle loop's body")
-        return node
+        return _without_return(node)
 
-    visit_While = visit_For  # type: ignore[assignment]
+    def visit_While(self, node: ast.While) -> ast.AST:
+        return _without_return(node)
+
+
+def _without_return(node: ast.For | ast.While) -> ast.AST:
+    if any(isinstance(inner, ast.Return) for inner in ast.walk(node)):
+        raise SyntaxError("'return' inside an inner loop of a particle loop's body")
+    return node
 
 
 def _define(loop: Loop, constants: dict[str, Any], statements: list, extra: dict) -> Callable:
@@ -156,30 +161,38 @@ def _cpu_loop(loop: Loop, constants: dict[str, Any]) -> Callable[..., None]:
     assert isinstance(header, ast.For)
     header.body = inner
     python = _define(loop, constants, [ast.copy_location(header, tree.body[0])], {"prange": prange})
-    cached = not any(callable(value) for value in constants.values())
+    options: dict[str, Any] = {
+        "parallel": PARALLEL,
+        "fastmath": FASTMATH,
+        "error_model": "numpy",
+        "nogil": True,
+        "cache": not any(callable(value) for value in constants.values()),
+    }
     with compiled_here():
-        compiled = njit(
-            parallel=PARALLEL, fastmath=FASTMATH, error_model="numpy", nogil=True, cache=cached
-        )(python)
+        compiled = njit(**options)(python)
     return _timed_first_call(compiled)
 
 
 def _timed_first_call(compiled: Callable[..., None]) -> Callable[..., None]:
-    """Count the seconds of compilation, without a cost for later calls."""
+    """Count the seconds of the first call, in which the loop is compiled or read from the cache."""
+    fresh = True
 
-    def first(*args: Any) -> None:
-        known = len(compiled.signatures)  # type: ignore[attr-defined]
+    def call(*args: Any) -> None:
+        nonlocal fresh
+        if not fresh:
+            compiled(*args)
+            return
+        fresh = False
         begin = time.perf_counter()
         compiled(*args)
-        if len(compiled.signatures) > known:  # type: ignore[attr-defined]
-            CompileLog.seconds += time.perf_counter() - begin
-            CompileLog.loops += 1
+        CompileLog.seconds += time.perf_counter() - begin
+        CompileLog.loops += 1
 
-    first.compiled = compiled  # type: ignore[attr-defined]
-    return first
+    return call
 
 
-def _cuda_loop(loop: Loop, constants: dict[str, Any]) -> Callable[..., None]:
+def cuda_python(loop: Loop, constants: dict[str, Any]) -> Callable[..., None]:
+    """The Python function that becomes the CUDA kernel of a loop."""
     from numba import cuda
 
     from particell.compute.scatter import cuda_scatter_add, scatter_add
@@ -192,8 +205,13 @@ def _cuda_loop(loop: Loop, constants: dict[str, Any]) -> Callable[..., None]:
     for name, value in loop.body.__globals__.items():
         if value is scatter_add:
             extra[name] = cuda_scatter_add()
-    python = _define(loop, constants, [*guard, *tree.body], extra)
-    kernel = cuda.jit(python)
+    return _define(loop, constants, [*guard, *tree.body], extra)
+
+
+def _cuda_loop(loop: Loop, constants: dict[str, Any]) -> Callable[..., None]:
+    from numba import cuda
+
+    kernel = cuda.jit(cuda_python(loop, constants))
 
     def launch(n: int, *args: Any) -> None:
         if n > 0:
@@ -204,7 +222,7 @@ def _cuda_loop(loop: Loop, constants: dict[str, Any]) -> Callable[..., None]:
 
 def set_threads(threads: int | None) -> int:
     """Use ``threads`` threads (all of them if None) and return how many are in use."""
-    available = numba.config.NUMBA_NUM_THREADS
+    available = NUMBA_CONFIG.NUMBA_NUM_THREADS
     if threads is not None:
         if not 1 <= threads <= available:
             raise ValueError(f"threads = {threads} is not between 1 and {available}")

@@ -19,6 +19,7 @@ from numba import njit
 
 from particell.compute.device import Device
 from particell.compute.loop import Loop, compiled, particle_loop
+from particell.compute.rounding import nearest_integer
 from particell.geometry.domain import Domain
 from particell.particles import Particles
 
@@ -58,7 +59,7 @@ def assign_cells(i, x, lower, inverse_cell, cells, cell, *, DIM):
     """The cell of particle i, row-major with the last axis fastest; outliers go to the edge."""
     index = 0
     for d in range(DIM):
-        c = int(math.floor((x[i, d] - lower[d]) * inverse_cell[d]))
+        c = math.floor((x[i, d] - lower[d]) * inverse_cell[d])
         c = min(max(c, 0), cells[d] - 1)
         index = index * cells[d] + c
     cell[i] = index
@@ -164,15 +165,15 @@ def find_neighbours(
                             high = first_z + number_z - last
                     for j in range(cell_start[row + low], cell_start[row + high]):
                         dx = xi - x[j, 0]
-                        dx -= period[0] * np.rint(dx * inverse_period[0])
+                        dx -= period[0] * nearest_integer(dx * inverse_period[0])
                         r2 = dx * dx
                         if DIM > 1:
                             dy = yi - x[j, 1]
-                            dy -= period[1] * np.rint(dy * inverse_period[1])
+                            dy -= period[1] * nearest_integer(dy * inverse_period[1])
                             r2 += dy * dy
                         if DIM > 2:
                             dz = zi - x[j, 2]
-                            dz -= period[2] * np.rint(dz * inverse_period[2])
+                            dz -= period[2] * nearest_integer(dz * inverse_period[2])
                             r2 += dz * dz
                         if not UNIFORM:
                             reach = 0.5 * (support[i] + support[j]) + skin

@@ -1,8 +1,9 @@
 """Sums over particles in a fixed order: the same bits for any number of threads.
 
 On the CPU that is NumPy's pairwise sum; on a GPU blocks of a fixed number of particles are summed
-independently and the block sums are added one after the other. Every global quantity (energy, momentum, amounts) goes through :class:`Reduction`,
-which is where a sum over processes will be added.
+independently and the block sums are added one after the other. Every global quantity (energy,
+momentum, amounts) goes through :class:`Reduction`, which is where a sum over processes will be
+added.
 """
 
 from __future__ import annotations

@@ -8,6 +8,7 @@ depend on the order, so both give the same bits for any number of threads.
 from __future__ import annotations
 
 from functools import cache
+from typing import Any
 
 import numba
 from numba import njit
@@ -24,8 +25,10 @@ def cuda_scatter_add():
     """The CUDA form of :func:`scatter_add`, made when first asked for."""
     from numba import cuda
 
+    atomic: Any = cuda.atomic  # typed as the class of the stubs, called as its instance
+
     @cuda.jit(device=True)
     def scatter(buffer, column, value):
-        cuda.atomic.add(buffer, (0, column), value)
+        atomic.add(buffer, (0, column), value)
 
     return scatter

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -97,7 +98,7 @@ def rings(ball: Ball, inner: float, outer: float, spacing: float) -> tuple[np.nd
     layers = max(1, round((outer - inner) / spacing))
     edges = np.linspace(inner, outer, layers + 1)
     points, volumes = [], []
-    for low, high in zip(edges[:-1], edges[1:], strict=True):
+    for low, high in pairwise(edges):
         area = math.pi * (high**2 - low**2)
         # the radius that halves the layer's area, or its centre of mass for a wedge
         radius = 2 / 3 * (high**3 - low**3) / (high**2 - low**2)
@@ -152,7 +153,7 @@ def packed(
     for _ in range(iterations):
         everything = np.concatenate([moving, others])
         shift = np.zeros_like(moving)
-        i, j, offset = neighbour_pairs(everything, domain, support, len(moving))
+        i, _, offset = neighbour_pairs(everything, domain, support, len(moving))
         r = np.linalg.norm(offset, axis=1)
         weight = np.maximum(0.0, 1.0 - r / support) ** 2
         for d in range(domain.dim):

@@ -12,6 +12,8 @@ import numpy as np
 
 from particell.errors import InputError
 
+Points = Sequence[float] | np.ndarray
+
 
 class Shape:
     """A region of space; subclasses give its signed distance."""
@@ -130,7 +132,7 @@ class HalfSpace(Shape):
         Points out of the half-space; need not have unit length.
     """
 
-    def __init__(self, point: Sequence[float], normal: Sequence[float]):
+    def __init__(self, point: Points, normal: Points):
         self.point = np.array(point, dtype=float)
         direction = np.array(normal, dtype=float)
         length = np.linalg.norm(direction)

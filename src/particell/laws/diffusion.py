@@ -24,11 +24,11 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 from numba import njit
 
 from particell.boundaries.wall import extrapolation, surface_distance
 from particell.compute.loop import FASTMATH, particle_loop
+from particell.compute.rounding import nearest_integer
 from particell.kernels import power, shape_f
 
 #: Explicit Euler steps are limited to this many h²/κ.
@@ -39,15 +39,15 @@ STEP_LIMIT = 0.05
 def separation_square(x, i, j, period, inverse_period, DIM):
     """Squared distance of particles i and j, nearest images, in m²."""
     dx = x[i, 0] - x[j, 0]
-    dx -= period[0] * np.rint(dx * inverse_period[0])
+    dx -= period[0] * nearest_integer(dx * inverse_period[0])
     r2 = dx * dx
     if DIM > 1:
         dy = x[i, 1] - x[j, 1]
-        dy -= period[1] * np.rint(dy * inverse_period[1])
+        dy -= period[1] * nearest_integer(dy * inverse_period[1])
         r2 += dy * dy
     if DIM > 2:
         dz = x[i, 2] - x[j, 2]
-        dz -= period[2] * np.rint(dz * inverse_period[2])
+        dz -= period[2] * nearest_integer(dz * inverse_period[2])
         r2 += dz * dz
     return r2
 
@@ -69,15 +69,15 @@ def surface_factor(
     depth = wall_depth[j]
     nx = wall_normal[j, 0]
     tx = x[i, 0] - x[j, 0]
-    tx -= period[0] * np.rint(tx * inverse_period[0]) + depth * nx
+    tx -= period[0] * nearest_integer(tx * inverse_period[0]) + depth * nx
     if DIM > 1:
         ny = wall_normal[j, 1]
         ty = x[i, 1] - x[j, 1]
-        ty -= period[1] * np.rint(ty * inverse_period[1]) + depth * ny
+        ty -= period[1] * nearest_integer(ty * inverse_period[1]) + depth * ny
     if DIM > 2:
         nz = wall_normal[j, 2]
         tz = x[i, 2] - x[j, 2]
-        tz -= period[2] * np.rint(tz * inverse_period[2]) + depth * nz
+        tz -= period[2] * nearest_integer(tz * inverse_period[2]) + depth * nz
     distance = surface_distance(tx, ty, tz, nx, ny, nz, wall_curvature[j])
     return extrapolation(distance, depth, support[i])
 

@@ -37,3 +37,14 @@ def friction_coefficients(shear: float, bulk: float, dim: int) -> tuple[float, f
 def pair_friction(f, volume_i, volume_j):
     """F/(d_i d_j) = F V_i V_j, what :func:`friction_coefficients` are multiplied by."""
     return f * volume_i * volume_j
+
+
+@njit
+def harmonic_mean(a, b):
+    """2ab/(a + b), and 0 where both are 0: the coefficient of a pair of two materials.
+
+    It is taken of the transverse coefficient a and of the longitudinal one a + b, neither of which
+    is negative, so that friction and noise exist for every pair of materials.
+    """
+    total = a + b
+    return 2.0 * a * (b / total) if total > 0.0 else 0.0

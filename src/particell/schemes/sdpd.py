@@ -25,8 +25,8 @@ from particell.laws.viscosity import friction_coefficients
 from particell.materials import BOLTZMANN, Fluid
 from particell.particles import Particles
 from particell.schemes import updates
-from particell.schemes.timestep import VISCOUS, VISCOUS_TRAPEZOIDAL_NOISE
 from particell.schemes.sweeps import rates, summed_density, wall_pressure
+from particell.schemes.timestep import VISCOUS, VISCOUS_TRAPEZOIDAL_NOISE
 
 INTEGRATORS = ("velocity-verlet", "trapezoidal")
 DENSITIES = ("continuity", "summation")
@@ -203,28 +203,28 @@ class SDPDSolver:
         code = kernel_code(scheme.kernel)
         array = device.array
         key = stream_key(seed, PAIR_NOISE)
+        sound_speeds = np.array([m.sound_speed for m in by_group], dtype=float)
         self.constants = {
             "alpha": normalisation(code, dim),
             "transverse": array(np.array([f[0] for f in friction])),
             "radial": array(np.array([f[1] for f in friction])),
-            "diffusion": array(np.array([scheme.delta * h * m.sound_speed for m in by_group])),
+            "diffusion": array(scheme.delta * h * sound_speeds),
             "thermal": array(self.thermal),
             "gravity": array(gravity),
             "key0": key[0],
             "key1": key[1],
             "reference": array(np.array([m.density for m in by_group])),
-            "sound_speed": array(np.array([m.sound_speed for m in by_group])),
+            "sound_speed": array(sound_speeds),
             "exponent": array(np.array([m.exponent for m in by_group])),
             "background": array(np.array([m.background_pressure for m in by_group])),
         }
-        viscosities = {
-            f for f, g in zip(friction, particles.groups, strict=True) if g.kind == "fluid"
-        }
+        kinds = zip(friction, self.thermal.tolist(), particles.groups, strict=True)
+        pairings = {(f, thermal) for f, thermal, g in kinds if g.kind == "fluid"}
         self.options = {
             "DIM": dim,
             "KERNEL": code,
             "UNIFORM": bool(neighbours.constants["UNIFORM"]),
-            "MIXED": len(viscosities) > 1,
+            "MIXED": len(pairings) > 1,
             "RADIAL": any(f[1] != 0 for f in friction),
             "DELTA": scheme.delta > 0,
             "NOISE": scheme.fluctuations,

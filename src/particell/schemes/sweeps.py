@@ -14,16 +14,16 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 from numba import njit
 
 from particell.boundaries.wall import extrapolation, surface_distance
 from particell.compute.loop import particle_loop
+from particell.compute.rounding import nearest_integer
 from particell.kernels import power, shape_f, shape_w
 from particell.laws.continuity import density_diffusion, divergence
 from particell.laws.fluctuations import noise_amplitudes, pair_numbers
 from particell.laws.pressure import pressure_acceleration
-from particell.laws.viscosity import pair_friction
+from particell.laws.viscosity import harmonic_mean, pair_friction
 
 TINY = 1e-300
 
@@ -120,21 +120,21 @@ def rates(
         j = neighbours[k]
         dx = xi - x[j, 0]
         if wraps:
-            dx -= period[0] * np.rint(dx * inverse_period[0])
+            dx -= period[0] * nearest_integer(dx * inverse_period[0])
         du = ui - v[j, 0]
         r2 = dx * dx
         vx = du * dx
         if DIM > 1:
             dy = yi - x[j, 1]
             if wraps:
-                dy -= period[1] * np.rint(dy * inverse_period[1])
+                dy -= period[1] * nearest_integer(dy * inverse_period[1])
             dv = vi - v[j, 1]
             r2 += dy * dy
             vx += dv * dy
         if DIM > 2:
             dz = zi - x[j, 2]
             if wraps:
-                dz -= period[2] * np.rint(dz * inverse_period[2])
+                dz -= period[2] * nearest_integer(dz * inverse_period[2])
             dw = wi - v[j, 2]
             r2 += dz * dz
             vx += dw * dz
@@ -153,10 +153,13 @@ def rates(
             transverse_ij, radial_ij = transverse_i, radial_i
             if MIXED:
                 other = group[j]
-                total = transverse_i + transverse[other]
-                share = 2.0 * transverse[other] / total if total > 0.0 else 0.0
-                transverse_ij = share * transverse_i
-                radial_ij = share * radial_i
+                transverse_ij = harmonic_mean(transverse_i, transverse[other])
+                if RADIAL:
+                    along_i = transverse_i + radial_i
+                    along_j = transverse[other] + radial[other]
+                    radial_ij = harmonic_mean(along_i, along_j) - transverse_ij
+                if NOISE:
+                    strength = 2.0 * harmonic_mean(thermal[g], thermal[other]) * inverse_dt
             friction = pair_friction(f, volume_i, volume_j) * inverse_mass
             along = pressure_acceleration(mass[j], term_i, pressure_term[j], f)
             across = transverse_ij * friction
@@ -180,17 +183,17 @@ def rates(
             j = neighbours[k]
             dx = xi - x[j, 0]
             if wraps:
-                dx -= period[0] * np.rint(dx * inverse_period[0])
+                dx -= period[0] * nearest_integer(dx * inverse_period[0])
             nx, ny, nz = wall_normal[j, 0], 0.0, 0.0
             if DIM > 1:
                 dy = yi - x[j, 1]
                 if wraps:
-                    dy -= period[1] * np.rint(dy * inverse_period[1])
+                    dy -= period[1] * nearest_integer(dy * inverse_period[1])
                 ny = wall_normal[j, 1]
             if DIM > 2:
                 dz = zi - x[j, 2]
                 if wraps:
-                    dz -= period[2] * np.rint(dz * inverse_period[2])
+                    dz -= period[2] * nearest_integer(dz * inverse_period[2])
                 nz = wall_normal[j, 2]
             depth = wall_depth[j]
             distance = surface_distance(
@@ -272,7 +275,7 @@ def summed_density(
         for d in range(DIM):
             s = x[i, d] - x[j, d]
             if wraps:
-                s -= period[d] * np.rint(s * inverse_period[d])
+                s -= period[d] * nearest_integer(s * inverse_period[d])
             r2 += s * s
         r = math.sqrt(r2)
         if UNIFORM:
@@ -319,7 +322,7 @@ def wall_pressure(
         for d in range(DIM):
             s = x[i, d] - x[j, d]
             if wraps:
-                s -= period[d] * np.rint(s * inverse_period[d])
+                s -= period[d] * nearest_integer(s * inverse_period[d])
             r2 += s * s
             head += gravity[d] * s
         w = shape_w(math.sqrt(r2) / (0.5 * (support[i] + support[j])), KERNEL)

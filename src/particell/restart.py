@@ -1,0 +1,61 @@
+"""What a continuation bit for bit needs: a simulation's state, and how it is put back."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from particell.errors import InputError
+
+if TYPE_CHECKING:
+    from particell.simulation import Simulation
+
+_LIST = ("cell", "cell_start", "start", "split", "stop", "crosses", "neighbours", "x_built")
+_COUNTERS = ("step", "time", "dt", "chemistry_every")
+
+
+def state_of(simulation: Simulation) -> dict[str, Any]:
+    """See :meth:`particell.simulation.Simulation.state`."""
+    s = simulation
+    chemistry = s.chemistry
+    return {
+        "fields": {name: np.array(s.particles.host(name)) for name in s.particles},
+        "list": {name: np.array(s.device.to_host(s.neighbours.fields[name])) for name in _LIST},
+        "capacity": s.neighbours.capacity,
+        "builds": s.neighbours.builds,
+        **{name: getattr(s, name) for name in _COUNTERS},
+        "speed": s._speed,
+        "wall_seconds": s._wall_seconds,
+        "compile_seconds": s._compile_seconds,
+        "seed": s.seed,
+        "first_momentum": s._first_momentum,
+        "first_totals": dict(s._first_totals),
+        "events": chemistry.events if chemistry else 0,
+        "jumps": chemistry.jumps if chemistry else 0,
+    }
+
+
+def restore(simulation: Simulation, state: dict[str, Any]) -> None:
+    """See :meth:`particell.simulation.Simulation.restore`."""
+    s, fields = simulation, state["fields"]
+    same = set(fields) == set(s.particles) and all(
+        values.shape == s.particles[name].shape for name, values in fields.items()
+    )
+    if not same or state["seed"] != s.seed:
+        raise InputError("checkpoint", "other particles, fields or seed", "of this simulation")
+    for name, values in fields.items():
+        s.particles.set(name, values)
+    s.neighbours.restore(state["capacity"], state["builds"], state["list"])
+    for name in _COUNTERS:
+        setattr(s, name, state[name])
+    s._speed, s._wall_seconds = state["speed"], state["wall_seconds"]
+    s._compile_seconds = state["compile_seconds"]
+    s._first_momentum = state["first_momentum"]
+    s._first_totals = dict(state["first_totals"])
+    if s.chemistry:
+        s.chemistry.events, s.chemistry.jumps = state["events"], state["jumps"]
+    s.solver.restore()
+    s.constraints.restored()
+    s.resumed, s.resumed_plan = True, state.get("plan")
+    s._started = True

@@ -1,0 +1,62 @@
+"""The speeds that a simulation's description implies: of the flow, of heat, of sound."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from particell.geometry.domain import Domain
+from particell.materials import BOLTZMANN
+from particell.phases import Phase
+from particell.schemes.sdpd import SDPD
+from particell.schemes.static import Static
+from particell.schemes.timestep import sound_speed_by_rule
+
+
+def initial_speed(phases: Sequence[Phase], scheme: SDPD | Static, depth_factor: float) -> float:
+    """Largest initial or expected speed in m/s; with noise, the thermal one of a particle added."""
+    fastest = max(
+        (float(np.linalg.norm(p.velocities(), axis=1).max(initial=0.0)) for p in phases),
+        default=0.0,
+    )
+    if isinstance(scheme, SDPD):
+        fastest = max(fastest, scheme.reference_speed)
+        if scheme.fluctuations:
+            fastest += thermal_speed(phases, depth_factor)
+    return fastest
+
+
+def thermal_speed(phases: Sequence[Phase], depth_factor: float) -> float:
+    """Three standard deviations of a velocity component of the lightest fluid particle, in m/s."""
+    speeds = [
+        3 * math.sqrt(BOLTZMANN * (p.material.temperature or 0.0) / _smallest_mass(p, depth_factor))
+        for p in phases
+        if p.kind == "fluid" and len(p.points)
+    ]
+    return max(speeds, default=0.0)
+
+
+def _smallest_mass(phase: Phase, depth_factor: float) -> float:
+    return phase.material.density * float(np.min(phase.volume)) * depth_factor
+
+
+def default_sound_speed(
+    domain: Domain, phases: Sequence[Phase], scheme: SDPD | Static, speed: float
+) -> float | None:
+    """The sound speed by rule in m/s; None where every material has one of its own.
+
+    Raises
+    ------
+    InputError
+        Where nothing drives a flow by which to choose it.
+    """
+    if all(p.material.sound_speed is not None for p in phases):
+        return None
+    if isinstance(scheme, Static):
+        return 1.0
+    gravity = np.abs(scheme.gravity or np.zeros(domain.dim))
+    density = min(p.material.density for p in phases)
+    head = float(np.max(gravity * domain.lengths))
+    return sound_speed_by_rule(speed, scheme.pressure_drop, density, head)

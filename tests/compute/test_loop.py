@@ -1,0 +1,134 @@
+from __future__ import annotations
+
+import numba
+import numpy as np
+import pytest
+
+from particell.compute import loop as module
+from particell.compute.device import Device
+from particell.compute.loop import particle_loop, set_threads, suitable_threads
+from particell.compute.reduce import Reduction
+from particell.errors import InputError
+
+
+@particle_loop
+def double_positive(i, values, result, *, FACTOR):
+    """Skips the others: 'return' ends the work on one particle only."""
+    if values[i] <= 0.0:
+        return
+    if values[i] > 100.0:
+        result[i] = -1.0
+        return
+    result[i] = FACTOR * values[i]
+
+
+@particle_loop
+def return_in_loop(i, values):
+    for k in range(3):
+        if values[k] > 0.0:
+            return
+    values[i] = 0.0
+
+
+@particle_loop
+def return_in_while(i, values):
+    while values[i] > 0.0:
+        return
+
+
+@particle_loop
+def returns_value(i, values):
+    return values[i]
+
+
+def test_return_goes_on_with_the_next_particle():
+    values = np.array([1.0, -1.0, 2.0, 200.0, 0.0, 3.0])
+    result = np.zeros(6)
+    double_positive.specialise(FACTOR=2)(6, values, result)
+    assert result.tolist() == [2, 0, 4, -1, 0, 6]
+    double_positive.specialise(FACTOR=3)(3, values, result)
+    assert result.tolist() == [3, 0, 6, -1, 0, 6]
+
+
+@pytest.mark.parametrize("bad", [return_in_loop, return_in_while, returns_value])
+def test_bodies_that_are_refused(bad):
+    with pytest.raises(SyntaxError):
+        bad.specialise()
+
+
+def test_constants_must_be_those_of_the_body():
+    assert double_positive.arguments == ["values", "result"]
+    assert double_positive.constants == ["FACTOR"]
+    for wrong in ({}, {"DIM": 2}, {"FACTOR": 2, "DIM": 2}):
+        with pytest.raises(TypeError, match="FACTOR"):
+            double_positive.specialise(**wrong)
+    assert double_positive.specialise(FACTOR=2) is double_positive.specialise(FACTOR=2)
+
+
+def test_bound_loops_name_what_is_missing():
+    device, values = Device(), np.ones(3)
+    run = device.bind(double_positive, {"values": values}, FACTOR=2)
+    result = np.zeros(3)
+    run(3, result)
+    run(3, result)
+    assert result.tolist() == [2, 2, 2]
+    with pytest.raises(TypeError, match="result"):
+        run(3)
+
+
+def test_number_of_threads():
+    everything = numba.config.NUMBA_NUM_THREADS
+    try:
+        assert set_threads(1) == 1
+        assert set_threads(everything) == everything
+        for wrong in (0, everything + 1):
+            with pytest.raises(ValueError, match="threads"):
+                set_threads(wrong)
+        with suitable_threads(10):
+            assert numba.get_num_threads() == 1
+        with suitable_threads(10**9):
+            assert numba.get_num_threads() == everything
+        assert numba.get_num_threads() == everything
+    finally:
+        set_threads(everything)
+
+
+def test_compile_log_counts_the_first_call():
+    before = module.CompileLog.loops
+    run = double_positive.specialise(FACTOR=7)
+    run(1, np.ones(1), np.zeros(1))
+    run(1, np.ones(1), np.zeros(1))
+    assert module.CompileLog.loops == before + 1
+
+
+def test_reductions():
+    reduction = Reduction(Device())
+    values = np.random.default_rng(1).normal(size=(1000, 3))
+    assert reduction.sum(values) == pytest.approx(values.sum(axis=0), abs=1e-12)
+    assert reduction.max(values[:, 0]) == values[:, 0].max()
+    assert reduction.sum(np.zeros((0, 2))).tolist() == [0, 0]
+
+
+def test_device_refuses():
+    for options in ({"backend": "gpu"}, {"precision": "float16"}):
+        with pytest.raises(InputError):
+            Device(**options)
+    try:
+        from numba import cuda
+    except ImportError:
+        usable = False
+    else:
+        usable = cuda.is_available()
+    if not usable:
+        with pytest.raises(InputError, match="backend = 'cuda'"):
+            Device("cuda")
+
+
+def test_device_arrays_are_copies():
+    device, source = Device(precision="float32"), np.arange(4.0)
+    array = device.array(source)
+    source[0] = 9
+    assert array[0] == 0
+    assert device.zeros(3).dtype == np.float32
+    device.write(array, np.ones(4))
+    assert device.to_host(array).tolist() == [1, 1, 1, 1]

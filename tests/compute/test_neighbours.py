@@ -1,0 +1,241 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial import cKDTree
+
+from particell.compute.device import Device
+from particell.compute.neighbours import NeighbourList, counting_sort
+from particell.geometry.domain import Domain
+from particell.particles import Group, Particles
+
+SKIN = 0.3
+
+
+def system(x, lengths, periodic, support, walls=None, general=True):
+    """A built list; ``general`` compiles for variable support and walls whether used or not."""
+    device, (n, dim) = Device(), x.shape
+    domain = Domain((0,) * dim, lengths, periodic=periodic)
+    groups = [Group("fluid", "fluid", 0), Group("wall", "wall", 0)]
+    particles = Particles(device, n, dim, groups)
+    particles.set("x", x)
+    particles.set("support", support)
+    if walls is not None:
+        particles.set("is_wall", walls.astype(np.uint8))
+    h = float(np.max(support))
+    wall_free = domain.periodic
+    lower = np.where(wall_free, domain.lower, np.minimum(domain.lower, x.min(axis=0)))
+    upper = np.where(wall_free, domain.upper, np.maximum(domain.upper, x.max(axis=0)))
+    neighbours = NeighbourList(
+        device, domain, n, h, SKIN * h, lower, upper, uniform=not general, walls=general
+    )
+    neighbours.build(particles)
+    return particles, neighbours, domain
+
+
+def rows(neighbours):
+    """For each particle its mobile and its wall neighbours, as sets of rows."""
+    f = neighbours.fields
+    everything = f["neighbours"]
+    return [
+        (everything[a:b].tolist(), everything[b:c].tolist())
+        for a, b, c in zip(f["start"], f["split"], f["stop"], strict=True)
+    ]
+
+
+def images(domain, difference):
+    return difference - domain.lengths * np.rint(difference * domain.inverse_periods)
+
+
+def expected(particles, domain, reach_of):
+    """Neighbours by a k-d tree of all periodic images."""
+    x, support = particles.host("x"), particles.host("support")
+    n, dim = x.shape
+    shifts = [(-1, 0, 1) if p else (0,) for p in domain.periodic]
+    grid = np.stack(np.meshgrid(*shifts, indexing="ij"), -1).reshape(-1, dim) * domain.lengths
+    copies = (x[None] + grid[:, None]).reshape(-1, dim)
+    tree = cKDTree(copies)
+    found = []
+    for i in range(n):
+        near = np.array(tree.query_ball_point(x[i], reach_of(support.max(), support.max())), int)
+        distance = np.linalg.norm(copies[near] - x[i], axis=1)
+        j = near % n
+        keep = (j != i) & (distance < reach_of(support[i], support[j]))
+        found.append(set(j[keep].tolist()))
+    return found
+
+
+def random_points(seed, n, lengths):
+    return np.random.default_rng(seed).uniform(0, 1, (n, len(lengths))) * lengths
+
+
+CASES = [
+    # lengths in units of the support; cells of 1.3 supports, so 1, 2, 3 and more cells an axis
+    ((12.0,), "x"),
+    ((2.7,), "x"),
+    ((1.0,), ""),
+    ((5.3, 2.7), "xy"),
+    ((4.0, 7.9), "y"),
+    ((1.2, 3.0), ""),
+    ((2.7, 3.95), "xy"),
+    ((2.7, 3.95, 5.3), "xyz"),
+    ((1.2, 2.7, 4.0), "yz"),
+    ((2.7, 2.7, 2.7), "xyz"),
+]
+
+
+@pytest.mark.parametrize(("lengths", "periodic"), CASES)
+def test_same_neighbours_as_a_tree(lengths, periodic):
+    x = random_points(1, 150, lengths)
+    particles, neighbours, domain = system(x, lengths, periodic, 1.0, general=False)
+    found = rows(neighbours)
+    assert [set(a) for a, _ in found] == expected(particles, domain, lambda a, b: 1.0 + SKIN)
+    assert all(len(a) == len(set(a)) and not b for a, b in found)
+    assert neighbours.builds == 1
+
+
+@pytest.mark.parametrize(("lengths", "periodic"), [CASES[0], CASES[4], CASES[6], CASES[7]])
+def test_variable_support_and_walls(lengths, periodic):
+    random = np.random.default_rng(2)
+    x = random_points(3, 150, lengths)
+    support, walls = random.uniform(0.4, 1.0, 150), random.uniform(size=150) < 0.3
+    particles, neighbours, domain = system(x, lengths, periodic, support, walls)
+    skin = SKIN * support.max()
+    wanted = expected(particles, domain, lambda a, b: 0.5 * (a + b) + skin)
+    is_wall = particles.host("is_wall") != 0
+    for (mobile, wall), everyone in zip(rows(neighbours), wanted, strict=True):
+        assert set(mobile) == {j for j in everyone if not is_wall[j]}
+        assert set(wall) == {j for j in everyone if is_wall[j]}
+        assert len(mobile) + len(wall) == len(everyone)
+
+
+def test_particles_outside_are_wrapped_or_kept():
+    lengths = (4.0, 4.0)
+    x = random_points(4, 120, lengths) + np.array([9.0, 0.0])  # beyond the periodic axis
+    x[:10, 1] -= 3.0  # below an open one
+    particles, neighbours, domain = system(x, lengths, "x", 1.0, general=False)
+    wrapped = particles.host("x")
+    assert ((wrapped[:, 0] >= 0) & (wrapped[:, 0] <= 4)).all()
+    turns = particles.host("image")
+    assert wrapped + turns * domain.lengths == pytest.approx(x[particles.host("id")], abs=1e-12)
+    assert [set(a) for a, _ in rows(neighbours)] == expected(
+        particles, domain, lambda a, b: 1.0 + SKIN
+    )
+
+
+def test_rows_grow_when_particles_crowd():
+    x = 0.4 * random_points(5, 150, (1.0, 1.0))
+    _, neighbours, _ = system(x, (8.0, 8.0), "xy", 1.0, general=False)
+    assert neighbours.capacity >= 150
+    assert all(len(a) == 149 for a, _ in rows(neighbours))
+
+
+def test_empty_space_does_not_make_countless_cells():
+    x = random_points(6, 150, (1.0, 1.0)) + 5000
+    particles, neighbours, domain = system(x, (10000.0, 10000.0), "", 0.5, general=False)
+    assert neighbours.number_of_cells <= 4 * 150 + 64
+    assert [set(a) for a, _ in rows(neighbours)] == expected(
+        particles, domain, lambda a, b: 0.5 * (1.0 + SKIN)
+    )
+
+
+def missing_pairs(x, neighbours, domain, support):
+    """Pairs within the mean support that the loops over the list would not see."""
+    crosses = neighbours.fields["crosses"] != 0
+    seen = np.zeros((len(x), len(x)), bool)
+    for i, (mobile, wall) in enumerate(rows(neighbours)):
+        listed = np.array([*mobile, *wall], int)
+        difference = x[i] - x[listed]
+        if crosses[i]:
+            difference = images(domain, difference)
+        seen[i, listed[np.linalg.norm(difference, axis=1) < support[i]]] = True
+    difference = images(domain, x[:, None] - x[None])
+    near = np.linalg.norm(difference, axis=-1) < 0.5 * (support[:, None] + support[None])
+    np.fill_diagonal(near, False)
+    return np.argwhere(near & ~seen)
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(
+    case=st.sampled_from([CASES[0], CASES[3], CASES[4], CASES[6], CASES[7], CASES[8]]),
+    seed=st.integers(0, 2**31),
+    shear=st.floats(-2, 2),
+    drift=st.floats(-2, 2),
+    heat=st.floats(0, 0.5),
+    dt=st.floats(0.005, 0.3),
+)
+def test_a_list_that_is_kept_misses_nothing(case, seed, shear, drift, heat, dt):
+    """Moves that needs_build lets pass bring no pair within the support that is not listed."""
+    lengths, periodic = case
+    dim = len(lengths)
+    particles, neighbours, domain = system(
+        random_points(seed, 120, lengths), lengths, periodic, 1.0, general=False
+    )
+    x, support = particles.host("x"), particles.host("support")
+    v = particles.host("v")
+    v[:] = heat * np.random.default_rng(seed).normal(size=x.shape) + drift
+    if dim > 1:
+        period = 2 * np.pi / lengths[1]
+        v[:, 0] += shear * np.sin(period * x[:, 1])  # smooth across periodic faces
+    for _ in range(30):
+        if neighbours.needs_build(x, v, dt):
+            break
+        x += dt * v
+        assert len(missing_pairs(x, neighbours, domain, support)) == 0
+
+
+def test_particles_that_flow_together_keep_their_list():
+    particles, neighbours, _ = system(
+        random_points(7, 150, (5.3, 5.3)), (5.3, 5.3), "xy", 1.0, general=False
+    )
+    x, v = particles.host("x"), particles.host("v")
+    v[:, 0] = 1.0
+    assert not neighbours.needs_build(x, v, 0.7)
+    assert neighbours.needs_build(x, v, 3.0)
+    v[0, 0] = -1.0
+    assert neighbours.needs_build(x, v, 0.7)
+
+
+def test_a_position_that_is_not_a_number_asks_for_a_build():
+    particles, neighbours, _ = system(
+        random_points(8, 50, (4.0, 4.0)), (4.0, 4.0), "xy", 1.0, general=False
+    )
+    v = particles.host("v")
+    v[:] = np.inf
+    assert neighbours.needs_build(particles.host("x"), v, 1.0)
+
+
+def test_sorted_into_cells_with_ids_kept():
+    lengths = (5.3, 5.3)
+    x = random_points(9, 200, lengths)
+    particles, neighbours, _ = system(x, lengths, "xy", 1.0, general=False)
+    cell, ids = neighbours.fields["cell"], particles.host("id")
+    assert (np.diff(cell) >= 0).all()
+    assert sorted(ids) == list(range(200))
+    assert particles.host("x").tobytes() == x[ids].tobytes()
+    assert particles.by_id("x").tobytes() == x.tobytes()
+    starts = neighbours.fields["cell_start"]
+    assert starts[0] == 0
+    assert np.diff(starts).tolist() == np.bincount(cell, minlength=len(starts) - 1).tolist()
+
+
+def test_counting_sort_is_stable():
+    cell = np.random.default_rng(1).integers(0, 7, 100).astype(np.int32)
+    start, order = np.zeros(9, np.int64), np.zeros(100, np.int64)
+    counting_sort(cell, start, order)
+    assert order.tolist() == np.argsort(cell, kind="stable").tolist()
+    assert start.tolist() == np.searchsorted(np.sort(cell), np.arange(9)).tolist()
+
+
+def test_permute_moves_every_field():
+    particles = Particles(Device(), 6, 2, [Group("fluid", "fluid", 0)])
+    particles.add("tensor", 4, values=np.arange(24.0).reshape(6, 4))
+    particles.set("mass", np.arange(6.0))
+    order = np.array([3, 1, 5, 0, 4, 2])
+    particles.permute(order)
+    assert particles.host("mass").tolist() == order.tolist()
+    assert particles.host("id").tolist() == order.tolist()
+    assert particles.host("tensor")[:, 0].tolist() == (4.0 * order).tolist()
+    assert particles.by_id("mass").tolist() == list(range(6))

@@ -1,0 +1,117 @@
+"""Small systems of particles that many tests share, and what is exact about lattices."""
+
+from __future__ import annotations
+
+import csv
+import itertools
+from pathlib import Path
+
+import numpy as np
+
+from particell.geometry.domain import Domain
+from particell.kernels import LUCY, normalisation, shape_f
+from particell.laws.viscosity import friction_coefficients
+from particell.materials import BOLTZMANN, Fluid
+from particell.phases import Phase, channel_walls, fluid
+from particell.schemes.sdpd import SDPD
+from particell.simulation import Simulation
+
+DATA = Path(__file__).parent / "data"
+#: The temperature at which k_B T = 1 J.
+UNIT_TEMPERATURE = 1 / BOLTZMANN
+
+
+def lucy_sums() -> list[dict[str, float]]:
+    """The table of lattice sums: rows with D, h (in spacings), kappa and eta (0 in 1D)."""
+    with open(DATA / "lucy_lattice_sums.csv", newline="", encoding="utf-8") as file:
+        rows = list(csv.reader(line for line in file if not line.startswith("#")))
+    return [
+        {"D": int(r[0]), "h": float(r[1]), "kappa": float(r[5]), "eta": float(r[7] or 0)}
+        for r in rows[1:]
+    ]
+
+
+def lattice_offsets(dim: int, h: float) -> tuple[np.ndarray, np.ndarray]:
+    """Offsets (n, dim) of the neighbours on the unit lattice, and V F of Lucy's kernel."""
+    reach = range(-int(np.ceil(h)), int(np.ceil(h)) + 1)
+    offsets = np.array([o for o in itertools.product(reach, repeat=dim) if any(o)], float)
+    r = np.linalg.norm(offsets, axis=1)
+    scale = normalisation(LUCY, dim) / h ** (dim + 2)
+    return offsets, scale * np.array([shape_f.py_func(q, LUCY) for q in r / h])
+
+
+def lattice_viscosity(
+    dim: int, h: float, shear: float, bulk: float, wave: np.ndarray, along: np.ndarray
+) -> float:
+    """Viscous force per mass on v = e sin(k·x) on the unit lattice, over -k² v (density 1)."""
+    offsets, f = lattice_offsets(dim, h)
+    transverse, radial = friction_coefficients(shear, bulk, dim)
+    projection = (offsets @ along) ** 2 / (offsets**2).sum(axis=1)
+    turn = 2 * np.sin(0.5 * offsets @ wave) ** 2
+    return float((f * (transverse + radial * projection) * turn).sum() / (wave @ wave))
+
+
+def unit_fluid(**options: float) -> Fluid:
+    """A fluid of density 1 and, unless given, viscosity 0.1 and sound speed 10."""
+    return Fluid(**{"density": 1.0, "viscosity": 0.1, "sound_speed": 10.0, **options})
+
+
+def periodic_lattice(
+    side: int | tuple[int, ...],
+    dim: int = 2,
+    material: Fluid | None = None,
+    jitter: float = 0.0,
+    velocity=None,
+    seed: int = 1,
+    dt: float | str = "auto",
+    boundaries=(),
+    device=None,
+    **scheme,
+) -> Simulation:
+    """Particles of volume 1 on a unit lattice that fills a periodic box of ``side`` spacings."""
+    sides = (side,) * dim if isinstance(side, int) else side
+    dim = len(sides)
+    domain = Domain((0,) * dim, sides, periodic="xyz"[:dim], depth=1.0)
+    phase = fluid(domain, material or unit_fluid(), 1.0)
+    noise = np.random.default_rng(5).uniform(-jitter, jitter, phase.points.shape)
+    points = (phase.points + noise) % np.array(sides)
+    phase = Phase("fluid", phase.material, points, 1.0, velocity=velocity)
+    scheme = {"density_diffusion": 0.0, **scheme}
+    return Simulation(
+        domain, phase, SDPD(**scheme), seed=seed, dt=dt, boundaries=boundaries, device=device
+    )
+
+
+def channel(
+    side: tuple[int, int],
+    material: Fluid | None = None,
+    velocity=None,
+    wall_velocity=(None, None),
+    boundaries=(),
+    device=None,
+    seed: int = 1,
+    jitter: float = 0.0,
+    **scheme,
+) -> Simulation:
+    """Unit lattice between walls across y; periodic along x; units as in periodic_lattice."""
+    domain = Domain((0, 0), side, periodic="x", depth=1.0)
+    material = material or unit_fluid()
+    inside = fluid(domain, material, 1.0)
+    noise = np.random.default_rng(5).uniform(-jitter, jitter, inside.points.shape)
+    inside = Phase("fluid", material, inside.points + noise, 1.0, velocity=velocity)
+    walls = channel_walls(domain, material, 1.0, axis=1, velocity=wall_velocity)
+    scheme = {"density_diffusion": 0.0, **scheme}
+    return Simulation(
+        domain, [inside, *walls], SDPD(**scheme), seed=seed, boundaries=boundaries, device=device
+    )
+
+
+def fluid_rows(simulation: Simulation) -> np.ndarray:
+    """Mask, in memory order, of the particles that are no walls."""
+    return simulation.particles.host("is_wall") == 0
+
+
+def same_bits(one: Simulation, two: Simulation) -> list[str]:
+    """Names of the fields that differ in any bit."""
+    first, second = one.state()["fields"], two.state()["fields"]
+    return [name for name in first if first[name].tobytes() != second[name].tobytes()]

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from particell.compute.device import Device
-from particell.compute.loop import particle_loop
 from particell.errors import unknown_name
 
 # Kinds of group: what the particles do in the equations of motion.
@@ -37,20 +36,6 @@ class Group:
     name: str
     kind: str
     material: int
-
-
-@particle_loop
-def gather_rows(i, source, order, target, *, COLUMNS):
-    """target[i] = source[order[i]] for arrays of shape (n, COLUMNS)."""
-    for c in range(COLUMNS):
-        target[i, c] = source[order[i], c]
-
-
-@particle_loop
-def copy_back(i, source, target, *, COLUMNS):
-    """target[i] = source[i] for arrays of shape (n, COLUMNS)."""
-    for c in range(COLUMNS):
-        target[i, c] = source[i, c]
 
 
 class Particles:
@@ -151,7 +136,4 @@ class Particles:
             if key not in self._scratch:
                 self._scratch[key] = self.device.zeros((self.n, columns), rows.dtype)
             scratch = self._scratch[key]
-            backend = self.device.backend
-            gather = gather_rows.specialise(backend, COLUMNS=columns)
-            gather(self.n, rows, self._order, scratch)
-            copy_back.specialise(backend, COLUMNS=columns)(self.n, scratch, rows)
+            self.device.permute(rows, self._order, scratch)

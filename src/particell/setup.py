@@ -96,11 +96,9 @@ def add_wall_geometry(particles: Particles, phases: list[Phase]) -> None:
         if p.kind != "wall" or p.surface is None or not len(p.points):
             continue
         step = 1e-3 * p.particle_spacing
-        # a particle at the very centre of a ball has no nearest surface point: take one
-        points = p.points + 1e-6 * p.particle_spacing
-        normal[rows] = p.surface.normal(points, step)
-        depth[rows] = np.maximum(0.0, -p.surface.signed_distance(points))
-        foot = points + depth[rows, None] * normal[rows]
+        normal[rows] = p.surface.normal(p.points, step)
+        depth[rows] = np.maximum(0.0, -p.surface.signed_distance(p.points))
+        foot = p.points + depth[rows, None] * normal[rows]
         limit = 1.0 / (0.5 * p.particle_spacing)
         curvature[rows] = np.clip(p.surface.curvature(foot, 10 * step), -limit, limit)
     particles.add("wall_normal", dim, values=normal)

@@ -94,6 +94,8 @@ class YeastChannel(Case):
     """Rate constant of RL → R + L."""
     molecules: Annotated[int, Field(ge=1)] = 1600
     """Molecules in a fluid particle at that concentration; sets the depth of the plane."""
+    shifting: Annotated[float, Field(ge=0, le=2)] = 0.5
+    """Particle shifting in units of ρ c₀²: without it voids form behind the cell."""
     end: Annotated[float, Field(gt=0)] = 2.0
     """End of the run in units of H/v0."""
     frames: Annotated[int, Field(ge=4)] = 40
@@ -151,12 +153,17 @@ class YeastChannel(Case):
             (-self.sponge_length, 0), (self.length, self.height), periodic="x", depth=depth
         )
         nu = self.mean_velocity * self.height / self.reynolds
-        water = Fluid(density=self.density, viscosity=nu * self.density)
+        sound_speed = self.sound_speed(nu)
+        water = Fluid(
+            density=self.density,
+            viscosity=nu * self.density,
+            sound_speed=sound_speed,
+        )
         scheme = SDPD(
             gravity=(12 * nu * self.mean_velocity / self.height**2, 0.0),
             reference_speed=1.65 * self.mean_velocity,
+            shifting=self.shifting,
         )
-        water = water.with_sound_speed(self.sound_speed(nu))
         species, reactions = self.species()
         cell = Circle(self.centre, self.radius)
         sponge_targets = {s.name: self.inlet for s in species if s.name.startswith("L")}
@@ -168,7 +175,7 @@ class YeastChannel(Case):
             reactions,
             [
                 Sponge(
-                    -self.sponge_length, 0.0, 1e-3 * self.time_unit, self.parabola, sponge_targets
+                    -self.sponge_length, 0.0, 3e-5 * self.time_unit, self.parabola, sponge_targets
                 ),
                 Reflection(cell),
                 Reflection(HalfSpace((0, 0), (0, 1))),

@@ -11,8 +11,22 @@ from typing import Any
 
 import numpy as np
 
-from particell.compute.loop import Loop
+from particell.compute.loop import Loop, particle_loop
 from particell.errors import InputError
+
+
+@particle_loop
+def gather_rows(i, source, order, target, *, COLUMNS):
+    """target[i] = source[order[i]] for arrays of shape (n, COLUMNS)."""
+    for c in range(COLUMNS):
+        target[i, c] = source[order[i], c]
+
+
+@particle_loop
+def copy_rows(i, source, target, *, COLUMNS):
+    """target[i] = source[i] for arrays of shape (n, COLUMNS)."""
+    for c in range(COLUMNS):
+        target[i, c] = source[i, c]
 
 
 class Device:
@@ -63,6 +77,27 @@ class Device:
             array[...] = values
         else:
             array.copy_to_device(np.ascontiguousarray(values, dtype=array.dtype))
+
+    def copy(self, source, target) -> None:
+        """Copy one array of this device to another of the same shape and type."""
+        if self.backend == "cpu":
+            np.copyto(target, source)
+        else:
+            target.copy_to_device(source)
+
+    def permute(self, rows, order, scratch) -> None:
+        """Put ``rows[order[k]]`` in place k of an array (n, columns), in place.
+
+        ``scratch`` has the shape of ``rows``. On the CPU this is NumPy's: a loop of our own would
+        have to be compiled for every type and number of columns.
+        """
+        if self.backend == "cpu":
+            np.take(rows, order, axis=0, out=scratch, mode="clip")
+            np.copyto(rows, scratch)
+            return
+        columns = rows.shape[1]
+        gather_rows.specialise(self.backend, COLUMNS=columns)(len(rows), rows, order, scratch)
+        copy_rows.specialise(self.backend, COLUMNS=columns)(len(rows), scratch, rows)
 
     def bind(self, loop: Loop, fields: Mapping[str, Any], **constants: Any) -> Callable[..., None]:
         """Compile a loop and look up its arguments by name once.

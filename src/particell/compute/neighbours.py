@@ -254,13 +254,6 @@ def wrap_positions(i, x, image, lower, period, inverse_period, *, DIM):
         image[i, d] += int(turns)
 
 
-@particle_loop
-def copy_rows(i, source, target, *, DIM):
-    """target[i] = source[i]."""
-    for d in range(DIM):
-        target[i, d] = source[i, d]
-
-
 class NeighbourList:
     """Neighbours of all particles of a set, kept valid while the particles move.
 
@@ -345,7 +338,7 @@ class NeighbourList:
 
     def build(self, particles: Particles) -> None:
         """Wrap positions into the domain, sort all fields into cell order and fill the rows."""
-        backend, dim, n = self.device.backend, self.constants["DIM"], self.n
+        dim, n = self.constants["DIM"], self.n
         f = {**self.fields, **particles.fields}
         self._loop(wrap_positions, f, n, DIM=dim)
         self._loop(assign_cells, f, n, DIM=dim)
@@ -358,8 +351,7 @@ class NeighbourList:
             self._reserve(32)
         while not self._fill(particles):
             pass
-        copy = copy_rows.specialise(backend, DIM=dim)
-        copy(n, particles["x"], self.x_built)
+        self.device.copy(particles["x"], self.x_built)
         self.builds += 1
 
     def needs_build(self, x, v, dt: float) -> bool:

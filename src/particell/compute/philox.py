@@ -62,7 +62,8 @@ def uniform32(word):
 def uniform53(high, low):
     """A number in the open interval (0, 1) with 53 random bits, from two 32-bit words."""
     bits = np.float64(high) * 2097152.0 + np.float64(low >> np.uint64(11))
-    return (bits + 0.5) * 1.1102230246251565e-16
+    # the largest ones would be rounded up to 1
+    return min((bits + 0.5) * 1.1102230246251565e-16, 0.9999999999999999)
 
 
 @njit

@@ -122,8 +122,9 @@ def packed(
 ) -> np.ndarray:
     """Relax points until they are evenly spread, by the transport-velocity shift alone.
 
-    Each iteration moves point i by a step along Σ_j F_ij x_ij, away from where neighbours crowd
-    (Lucy's F with support 2.4 spacings, at which both square and hexagonal lattices are stable).
+    Each iteration moves point i by a step along Σ_j (1 − q)² e_ij with q = r/h and h 2.4 spacings,
+    away from where neighbours crowd. (Lucy's F x_ij = 12 α (1 − q)² x_ij / h² would vanish where two
+    points meet, and points would gather in pairs.)
 
     Parameters
     ----------
@@ -155,10 +156,10 @@ def packed(
         shift = np.zeros_like(moving)
         i, _, offset = neighbour_pairs(everything, domain, support, len(moving))
         r = np.linalg.norm(offset, axis=1)
-        weight = np.maximum(0.0, 1.0 - r / support) ** 2
+        weight = np.maximum(0.0, 1.0 - r / support) ** 2 / (r / support + 1e-3)
         for d in range(domain.dim):
             shift[:, d] = np.bincount(i, weight * offset[:, d], minlength=len(moving))
-        # the stiffness of Σ F x against a single displacement is about the sum of F itself
+        # the stiffness against a single displacement is about the sum of weights itself
         shift *= 0.5 / np.bincount(i, weight, minlength=len(moving)).clip(1e-12)[:, None]
         length = np.linalg.norm(shift, axis=1, keepdims=True)
         shift *= np.minimum(1.0, 0.1 * spacing / np.maximum(length, 1e-300))
@@ -195,8 +196,9 @@ def neighbour_pairs(
     sources = [np.arange(len(points))]
     for d in np.flatnonzero(domain.periodic):
         length = domain.lengths[d]
+        before = len(images)  # images along this axis are not copied back
         for side, shift in ((0, length), (1, -length)):
-            for k in range(len(images)):
+            for k in range(before):
                 x = images[k][:, d]
                 edge = x < domain.lower[d] + reach if side == 0 else x > domain.upper[d] - reach
                 copy = images[k][edge].copy()

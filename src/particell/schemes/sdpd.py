@@ -53,6 +53,9 @@ class SDPD:
         ``"bounded"`` (sums of uniform numbers, weakly exact) or ``"gaussian"``.
     density_diffusion
         δ of the continuity equation; None means 0.1 without noise and 0 with it.
+    shifting
+        P_s of :mod:`particell.laws.shifting` in units of ρ₀c₀²; 0 switches it off. For flows
+        around bodies, where particles on streamlines would leave voids; without noise only.
     gravity
         Body force per mass in m/s², one number per dimension; None for zero.
     reference_speed
@@ -76,6 +79,7 @@ class SDPD:
     fluctuations: bool = False
     noise: str = "bounded"
     density_diffusion: float | None = None
+    shifting: float = 0.0
     gravity: tuple[float, ...] | None = None
     reference_speed: float = 0.0
     pressure_drop: float = 0.0
@@ -100,6 +104,12 @@ class SDPD:
             raise InputError("skin", self.skin, "between 0 and 1 supports")
         if self.density_diffusion is not None and not self.density_diffusion >= 0:
             raise InputError("density_diffusion", self.density_diffusion, "zero or positive")
+        if not 0 <= self.shifting <= 2:
+            raise InputError("shifting", self.shifting, "between 0 and 2")
+        if self.shifting and (self.fluctuations or self.integrator == "trapezoidal"):
+            raise InputError(
+                "shifting", self.shifting, "zero with fluctuations or the trapezoidal integrator"
+            )
         if self.density_diffusion and self.fluctuations:
             raise InputError(
                 "density_diffusion",
@@ -200,6 +210,10 @@ class SDPDSolver:
                 ("density_rate0", 0),
             ):
                 particles.add(name, components)
+        self.shifting = scheme.shifting > 0
+        particles.add("shift", dim if self.shifting else 1)
+        if self.shifting:
+            particles.add("transport", dim)
         code = kernel_code(scheme.kernel)
         array = device.array
         key = stream_key(seed, PAIR_NOISE)
@@ -230,8 +244,12 @@ class SDPDSolver:
             "NOISE": scheme.fluctuations,
             "GAUSSIAN": scheme.noise == "gaussian",
             "WALLS": bool(neighbours.constants["WALLS"]),
+            "SHIFT": self.shifting,
         }
         self.summation = scheme.density == "summation"
+        self.shift_pressure = scheme.shifting * max(
+            m.density * (m.sound_speed or 0.0) ** 2 for m in by_group
+        )
         self._capacity = 0
 
     def _bind(self) -> None:
@@ -240,11 +258,15 @@ class SDPDSolver:
             return
         self._capacity = self.neighbours.capacity
         fields = {**self.constants, **self.neighbours.fields, **self.particles.fields}
+        fields.setdefault("transport", fields["v"])
+        without_pressure = {k: v for k, v in fields.items() if k != "pressure"}
         bind = self.device.bind
         dim, o = {"DIM": self.dim}, self.options
         small = {k: o[k] for k in ("DIM", "KERNEL", "UNIFORM")}
         continuity = not self.summation
-        self.density_sweep = bind(rates, fields, **{**o, "NOISE": False}, DENSITY=True, FORCE=False)
+        self.density_sweep = bind(
+            rates, fields, **{**o, "NOISE": False, "SHIFT": False}, DENSITY=True, FORCE=False
+        )
         self.force_sweep = bind(rates, fields, **o, DENSITY=False, FORCE=True)
         self.full_sweep = bind(rates, fields, **o, DENSITY=continuity, FORCE=True)
         self.sum_density = bind(summed_density, fields, **small)
@@ -252,6 +274,8 @@ class SDPDSolver:
         self.kick = bind(updates.kick, fields, **dim)
         self.drift = bind(updates.drift, fields, **dim)
         self.equation_of_state = bind(updates.equation_of_state, fields)
+        if self.shifting:
+            self.transport_velocity = bind(updates.transport_velocity, without_pressure, **dim)
         if self.trapezoidal:
             self.remember = bind(updates.remember, fields, **dim)
             self.predict = bind(updates.predict, fields, **dim)
@@ -288,6 +312,8 @@ class SDPDSolver:
         """
         n = self.n
         self.kick(n, 0.5 * dt)
+        if self.shifting:
+            self.transport_velocity(n, self.shift_pressure, dt)
         self._renew_list(dt)
         if self.summation:
             self.drift(n, dt)
@@ -320,7 +346,7 @@ class SDPDSolver:
 
     def _renew_list(self, dt: float) -> None:
         p = self.particles
-        if self.neighbours.needs_build(p["x"], p["v"], dt):
+        if self.neighbours.needs_build(p["x"], p["transport" if self.shifting else "v"], dt):
             self.build_list()
 
     def _thermodynamics(self, dt: float) -> None:

@@ -23,6 +23,7 @@ from particell.kernels import power, shape_f, shape_w
 from particell.laws.continuity import density_diffusion, divergence
 from particell.laws.fluctuations import noise_amplitudes, pair_numbers
 from particell.laws.pressure import pressure_acceleration
+from particell.laws.shifting import crowding
 from particell.laws.viscosity import harmonic_mean, pair_friction
 
 TINY = 1e-300
@@ -66,6 +67,7 @@ def rates(
     gravity,
     a,
     density_rate,
+    shift,
     step,
     key0,
     key1,
@@ -82,9 +84,11 @@ def rates(
     NOISE,
     GAUSSIAN,
     WALLS,
+    SHIFT,
 ):
     """Density rate (kg/m³/s) and acceleration (m/s²) of particle i.
 
+    ``shift`` receives the sum of :mod:`particell.laws.shifting` (with the forces).
     ``transverse``, ``radial`` and ``thermal`` (k_B T) are tables by group; ``diffusion`` is
     δ h c₀ by group. ``inverse_dt`` is 1/dt, by which the squared noise grows.
     """
@@ -115,6 +119,7 @@ def rates(
     strength = 2.0 * thermal[g] * inverse_dt
     ax, ay, az = 0.0, 0.0, 0.0
     expansion, spread = 0.0, 0.0
+    sx, sy, sz = 0.0, 0.0, 0.0
     dy, dz, dv, dw = 0.0, 0.0, 0.0, 0.0
     for k in range(start[i], split[i]):
         j = neighbours[k]
@@ -168,6 +173,11 @@ def rates(
             ax += along * dx - across * du
             ay += along * dy - across * dv
             az += along * dz - across * dw
+            if SHIFT:
+                push = crowding(volume_i, volume_j, f)
+                sx += push * dx
+                sy += push * dy
+                sz += push * dz
             if NOISE:
                 n0, n1, n2 = pair_numbers(id[i], id[j], step, key0, key1, GAUSSIAN, DIM)
                 s, s_radial = noise_amplitudes(
@@ -220,6 +230,11 @@ def rates(
                 ax += along * dx - across * du
                 ay += along * dy - across * dv
                 az += along * dz - across * dw
+                if SHIFT:
+                    push = crowding(volume_i, volume_j, f)
+                    sx += push * dx
+                    sy += push * dy
+                    sz += push * dz
                 if NOISE:
                     # the friction with the wall is 'grow' times larger, and so is its noise squared
                     n0, n1, n2 = pair_numbers(id[i], id[j], step, key0, key1, GAUSSIAN, DIM)
@@ -233,6 +248,12 @@ def rates(
                     az += s * n2 + extra * dz
     if DENSITY:
         density_rate[i] = -density_i * expansion + diffusion[g] * spread
+    if SHIFT:
+        shift[i, 0] = sx
+        if DIM > 1:
+            shift[i, 1] = sy
+        if DIM > 2:
+            shift[i, 2] = sz
     if FORCE:
         a[i, 0] = ax + gravity[0]
         if DIM > 1:

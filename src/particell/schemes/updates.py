@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
+
 from particell.compute.loop import particle_loop
+from particell.laws.shifting import LARGEST
 from particell.materials import pressure_of
 
 
@@ -14,10 +17,25 @@ def kick(i, v, a, dt, *, DIM):
 
 
 @particle_loop
-def drift(i, x, v, dt, *, DIM):
-    """x += dt v."""
+def drift(i, x, transport, dt, *, DIM):
+    """x += dt v, or dt (v + δv) with shifting."""
     for d in range(DIM):
-        x[i, d] += dt * v[i, d]
+        x[i, d] += dt * transport[i, d]
+
+
+@particle_loop
+def transport_velocity(i, is_wall, v, shift, mass, support, pressure, dt, transport, *, DIM):
+    """v + δv, what moves particles (:mod:`particell.laws.shifting`), with P_s = ``pressure``."""
+    factor = 0.0 if is_wall[i] else 0.5 * dt * pressure / mass[i]
+    square = 0.0
+    for d in range(DIM):
+        square += shift[i, d] * shift[i, d]
+    size = factor * math.sqrt(square) * dt
+    limit = LARGEST * support[i]
+    if size > limit:
+        factor *= limit / size
+    for d in range(DIM):
+        transport[i, d] = v[i, d] + factor * shift[i, d]
 
 
 @particle_loop

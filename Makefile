@@ -1,0 +1,67 @@
+# What a newcomer and the checks run. Needs Python 3.11 or newer, and make.
+#
+#   make demo     the yeast channel, with trajectory, figures and summary in out/yeast
+#   make test     lint, types and all tests
+#   make docs     this program's documentation, as a web site in site/
+#   make clean    removes what these targets have made
+#
+# Another interpreter:  make PYTHON=python3.13 demo
+# One part of the tests: make tests PYTEST_FLAGS="tests/chemistry -x"
+
+PYTHON ?= python3
+VENV ?= .venv
+SITE ?= site
+PYTEST_FLAGS ?=
+
+BIN = $(VENV)/bin
+PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check
+
+.PHONY: demo test lint types tests docs docs-tools clean
+.DELETE_ON_ERROR:
+
+demo: $(VENV)/.run
+	$(BIN)/particell run yeast-channel --out out/yeast --overwrite
+
+test: lint types tests
+
+lint: $(VENV)/.test
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+
+types: $(VENV)/.test
+	$(BIN)/mypy
+
+tests: $(VENV)/.test
+	$(BIN)/python -m pytest $(PYTEST_FLAGS)
+
+docs: $(VENV)/.docs
+	$(BIN)/python -m mkdocs build --quiet --strict --site-dir "$(abspath $(SITE))"
+	@echo "documentation in $(SITE)/index.html"
+
+docs-tools: $(VENV)/.docs
+
+clean:
+	rm -rf .venv site out/yeast build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
+
+# The environment is made once, and again where pyproject.toml has changed: the files below say so.
+
+$(VENV)/.python:
+	@command -v $(PYTHON) >/dev/null || \
+	  { echo "There is no '$(PYTHON)' here: install Python 3.11 or newer, or name it: make PYTHON=..."; exit 1; }
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+	  { echo "Python 3.11 or newer is needed, and '$(PYTHON)' is $$($(PYTHON) --version 2>&1): name another with make PYTHON=..."; exit 1; }
+	@echo "making the environment $(VENV) (once; a minute or two)"
+	@$(PYTHON) -m venv $(VENV)
+	@touch $@
+
+$(VENV)/.run: pyproject.toml | $(VENV)/.python
+	@$(PIP) --editable .
+	@touch $@
+
+$(VENV)/.test: pyproject.toml | $(VENV)/.python
+	@$(PIP) --editable '.[test,lint]'
+	@touch $@
+
+$(VENV)/.docs: pyproject.toml | $(VENV)/.python
+	@$(PIP) --editable '.[docs]'
+	@touch $@

@@ -1,0 +1,114 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from particell.boundaries.wall import CLOSEST, extrapolation, surface_distance
+from systems import channel, fluid_rows, unit_fluid
+
+
+def distance(t, n, curvature):
+    t, n = (np.concatenate([a, np.zeros(3 - len(a))]) for a in (t, n))
+    return surface_distance(*t, *n, curvature)
+
+
+@pytest.mark.parametrize("dim", [1, 2, 3])
+def test_distance_from_a_plane(dim):
+    random = np.random.default_rng(1)
+    for _ in range(50):
+        normal, t = random.normal(size=(2, dim))
+        normal /= np.linalg.norm(normal)
+        assert distance(t, normal, 0.0) == pytest.approx(t @ normal, abs=1e-14)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("inside", [False, True])
+def test_distance_from_a_ball(dim, inside):
+    """Exact wherever the fluid particle and the surface point are."""
+    random, radius = np.random.default_rng(2), 1.7
+    side = -1.0 if inside else 1.0
+    for _ in range(100):
+        outward, place = random.normal(size=(2, dim))
+        outward /= np.linalg.norm(outward)
+        place *= random.uniform(0.1, 0.99 if inside else 3) * radius / np.linalg.norm(place)
+        t = place - radius * outward
+        exact = side * (np.linalg.norm(place) - radius)
+        assert distance(t, side * outward, side / radius) == pytest.approx(exact, abs=1e-13)
+
+
+def test_extrapolation_is_bounded():
+    assert extrapolation(1.0, 0.5, 3.0) == 1.5
+    assert extrapolation(0.0, 0.5, 3.0) == 1 + 0.5 / (CLOSEST * 3)
+    assert extrapolation(-1.0, 0.5, 3.0) == extrapolation(0.0, 0.5, 3.0)
+
+
+def residual(ny, velocity, gravity, wall_velocity=(None, None), extrapolated=True):
+    """Root mean square of the acceleration that should vanish, with viscosity 1."""
+    simulation = channel(
+        (8, ny),
+        unit_fluid(viscosity=1.0, sound_speed=1.0),
+        velocity=velocity,
+        wall_velocity=wall_velocity,
+        gravity=gravity,
+    )
+    if not extrapolated:
+        simulation.particles.set("wall_depth", 0.0)
+    simulation.start()
+    a = simulation.particles.host("a")[fluid_rows(simulation)]
+    return float(np.sqrt((a**2).mean(axis=0).sum()))
+
+
+def steady_profile(ny, extrapolated=True):
+    """Heights and steady velocity under a uniform force along the channel, f H²/(8 ν) = 1.
+
+    The viscous force on a resting lattice is a linear function of the rows' velocities: its matrix,
+    column by column, from the sweep itself.
+    """
+    simulation = channel((8, ny), unit_fluid(viscosity=1.0, sound_speed=1.0))
+    if not extrapolated:
+        simulation.particles.set("wall_depth", 0.0)
+    simulation.start()
+    p = simulation.particles
+    inside = fluid_rows(simulation)
+    row = np.floor(p.host("x")[:, 1]).astype(int)
+    first = [np.flatnonzero(inside & (row == k))[0] for k in range(ny)]
+    matrix = np.empty((ny, ny))
+    for k in range(ny):
+        p.set("v", ((row == k) & inside)[:, None] * np.array([1.0, 0.0]))
+        simulation.solver.force_sweep(len(p), 0, 1.0)
+        matrix[:, k] = p.host("a")[first, 0]
+    return p.host("x")[first, 1] / ny, np.linalg.solve(matrix, np.full(ny, -8 / ny**2))
+
+
+def test_poiseuille_profile_is_second_order():
+    """With extrapolated wall velocities; with layers of constant velocity it is of first order."""
+    errors = {True: [], False: []}
+    for extrapolated, found in errors.items():
+        for ny in (10, 20, 40):
+            s, u = steady_profile(ny, extrapolated)
+            found.append(float(np.sqrt(((u - 4 * s * (1 - s)) ** 2).mean())))
+    good, bad = errors[True], errors[False]
+    assert np.log2(good[0] / good[1]) > 1.8 and np.log2(good[1] / good[2]) > 1.8
+    assert np.log2(bad[1] / bad[2]) < 1.2
+    assert good[1] < 0.05 * bad[1]
+    assert good[2] < 2e-3
+
+
+def test_couette_profile_is_exact_between_walls():
+    """A linear profile is continued exactly through both walls: no acceleration at all."""
+    moving = (None, (1.0, 0.0))
+    velocity = lambda x: np.stack([x[:, 1] / 20, 0 * x[:, 1]], axis=-1)  # noqa: E731
+    scale = residual(20, velocity, None, moving, extrapolated=False)
+    assert residual(20, velocity, None, moving) < 1e-11 * scale
+
+
+def test_wall_pressure_continues_the_hydrostatic_one():
+    simulation = channel((8, 12), unit_fluid(exponent=1.0), gravity=(0.0, -1e-3))
+    p = simulation.particles
+    height = p.host("x")[:, 1]
+    p.set("density", np.where(p.host("is_wall"), 1.0, 1 + 1e-5 * (6 - height)))
+    simulation.start()
+    height, pressure = p.host("x")[:, 1], p.host("pressure")
+    near = (p.host("is_wall") != 0) & (height > -2) & (height < 14)
+    # densities differ from 1 by up to 6e-5, and heads of up to 3 spacings with them
+    assert pressure[near] == pytest.approx(1e-3 * (6 - height[near]), abs=6e-5 * 3e-3)

@@ -9,12 +9,14 @@ import numpy as np
 
 import particell as pc
 
-across = int(sys.argv[1]) if len(sys.argv) > 1 else 20
 height, speed = 100e-6, 1e-3  # m and m/s
 water = pc.Fluid(density=1000, viscosity=1e-3)
 push = 8 * water.viscosity / water.density * speed / height**2  # m/s²: gives that speed midway
 
 box = pc.Domain(lower=(0, 0), upper=(height / 2, height), periodic="x")
+across = 20
+if len(sys.argv) > 1:
+    across = int(sys.argv[1])
 spacing = height / across
 simulation = pc.Simulation(
     box,

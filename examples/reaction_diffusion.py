@@ -1,7 +1,5 @@
 """A ⇌ B while both diffuse: as concentrations, as molecules, and exactly.
 
-A + B spreads as if nothing reacted, and the part of it that is A relaxes to k₋/(k + k₋).
-
 python examples/reaction_diffusion.py [number of particles]
 """
 
@@ -13,8 +11,7 @@ import particell as pc
 
 number = int(sys.argv[1]) if len(sys.argv) > 1 else 50
 length, diffusivity, forward, backward = 10e-6, 1e-12, 2.0, 1.0  # m, m²/s, 1/s, 1/s
-mean, until = 1e-3, 1.0  # mol/m³ and s
-wave = 2 * np.pi / length
+mean, until, wave = 1e-3, 1.0, 2 * np.pi / length  # mol/m³, s, 1/m
 
 line = pc.Domain(lower=(0,), upper=(length,), periodic="x", depth=1e-6)  # 1 µm² across
 kinds = {"concentrations": "", "molecules": "_molecules"}
@@ -31,12 +28,12 @@ for k in kinds.values():
 run = simulation.run(until)
 
 x = run.field("position")[-1][:, 0]
+# A + B spreads as if nothing reacted; the part of it that is A relaxes to k₋/(k + k₋)
 total = mean * (1 + np.cos(wave * x) * np.exp(-diffusivity * wave**2 * until))
-rate = forward + backward
-exact = total * (backward + forward * np.exp(-rate * until)) / rate
+both = forward + backward
+exact = total * (backward + forward * np.exp(-both * until)) / both
 errors = {name: run.field(f"concentration/A{k}")[-1] - exact for name, k in kinds.items()}
 for name, error in errors.items():
-    print(f"{name:14}  root mean square error {error.std() / mean:.4f} of the mean concentration")
-molecules = run.field("count/A_molecules")[-1]
-print(f"what Poisson noise of {molecules.mean():.0f} molecules a particle would give: ", end="")
-print(f"{molecules.mean() ** 0.5 / molecules.mean() * exact.mean() / mean:.4f}")
+    print(f"{name:14}  root mean square error {error.std() / mean:.1e} of the mean concentration")
+per_particle = run.field("count/A_molecules")[-1].mean()
+print(f"Poisson noise   {exact.mean() / mean / per_particle**0.5:.1e} of it")

@@ -127,9 +127,7 @@ def flow_entries(dim: int, threads: int) -> list[dict[str, Any]]:
                     solver.full_sweep(n, k, 1.0)
 
             sweep()
-            rows.append(
-                entry(f"rates sweep {dim}D", simulation, threads, 5 * n / best_time(sweep))
-            )
+            rows.append(entry(f"rates sweep {dim}D", simulation, threads, 5 * n / best_time(sweep)))
             solver.force_sweep(n, 0, 1.0)
         builds, steps = simulation.neighbours.builds, simulation.step
 

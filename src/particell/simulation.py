@@ -17,6 +17,7 @@ import numpy as np
 from particell.boundaries.reflection import Reflection
 from particell.boundaries.sponge import Sponge
 from particell.chemistry.engine import Chemistry
+from particell.chemistry.invariants import conserved_totals
 from particell.chemistry.reactions import Reaction
 from particell.chemistry.reservoirs import FixedValueWall, Reservoir
 from particell.chemistry.species import Species
@@ -323,8 +324,9 @@ class Simulation:
     def conservation(self) -> dict[str, float]:
         """How far conserved quantities have drifted.
 
-        Momentum (without walls, gravity or sponge) relative to Σ m|v|; amounts net of booked
-        boundary flux, relative to the largest amount; molecules as whole numbers.
+        Momentum (which walls, gravity and sponges change too) relative to Σ m|v|; sums of amounts
+        that no reaction changes, net of booked boundary flux, relative to the amounts; molecules
+        as whole numbers.
         """
         drift: dict[str, float] = {}
         if not self.static and self._first_momentum is not None:
@@ -332,18 +334,15 @@ class Simulation:
             scale = self.monitor.absolute_momentum()
             drift["momentum"] = float(np.linalg.norm(change) / scale) if scale else 0.0
         if self.chemistry:
-            for name, (total, booked) in self.chemistry.totals().items():
-                change = total - booked - self._first_totals[name]
-                if not self.chemistry.species[name].molecules:
-                    change /= max(abs(total), abs(booked), abs(self._first_totals[name]), 1e-300)
-                drift[f"amount_{name}"] = float(change)
+            for name, (value, size) in conserved_totals(self.chemistry).items():
+                drift[f"amount {name}"] = float((value - self._first_totals[name]) / size)
         drift["reflections"] = float(self.constraints.count())
         return drift
 
     def _net_totals(self) -> dict[str, float]:
         if not self.chemistry:
             return {}
-        return {name: total - booked for name, (total, booked) in self.chemistry.totals().items()}
+        return {name: value for name, (value, _) in conserved_totals(self.chemistry).items()}
 
     @property
     def performance(self) -> dict[str, float]:

@@ -123,8 +123,8 @@ def packed(
     """Relax points until they are evenly spread, by the transport-velocity shift alone.
 
     Each iteration moves point i by a step along Σ_j (1 − q)² e_ij with q = r/h and h 2.4 spacings,
-    away from where neighbours crowd. (Lucy's F x_ij = 12 α (1 − q)² x_ij / h² would vanish where two
-    points meet, and points would gather in pairs.)
+    away from where neighbours crowd. (Lucy's F x_ij = 12 α (1 − q)² x_ij / h² would vanish where
+    two points meet, and points would gather in pairs.)
 
     Parameters
     ----------

@@ -201,6 +201,10 @@ class SDPDSolver:
             if name not in particles:
                 particles.add(name, components)
         self.trapezoidal = scheme.integrator == "trapezoidal"
+        self.summation = scheme.density == "summation"
+        self.leapfrog = not (self.trapezoidal or self.summation)
+        if self.leapfrog:
+            particles.add("density_half")
         if self.trapezoidal:
             for name, components in (
                 ("x0", dim),

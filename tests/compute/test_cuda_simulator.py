@@ -1,0 +1,91 @@
+"""The CUDA form of the loops, run by Numba's CUDA simulator in a process of its own."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("numba.cuda", reason="numba.cuda is missing")
+
+SCRIPT = """
+import numpy as np
+from particell.boundaries.reflection import Reflection
+from particell.boundaries.sponge import Sponge
+from particell.chemistry.reactions import Reaction
+from particell.chemistry.species import Species
+from particell.compute.device import Device
+from particell.compute.reduce import Reduction
+from particell.geometry.domain import Domain
+from particell.geometry.shapes import HalfSpace
+from particell.phases import fluid
+from particell.schemes.static import Static
+from particell.simulation import Simulation
+from systems import UNIT_TEMPERATURE, channel, periodic_lattice, unit_fluid
+
+HOT = unit_fluid(viscosity=5.0, sound_speed=30.0, temperature=UNIT_TEMPERATURE)
+SMALL = dict(support=2.2, skin=0.3)
+
+def noisy(device):
+    return periodic_lattice(6, 2, HOT, jitter=0.1, device=device, fluctuations=True,
+                            density="summation", **SMALL), 3
+
+def walls(device):
+    sponge = Sponge(1.0, 4.0, time=0.5, velocity=lambda x: np.ones_like(x))
+    return channel((6, 3), device=device, velocity=(1.0, 0.3), gravity=(0.0, -1.0),
+                   boundaries=[sponge, Reflection(HalfSpace((0, 0), (0, 1)))], **SMALL), 3
+
+def trapezoidal(device):
+    return periodic_lattice((6,), 1, jitter=0.1, device=device, velocity=(0.3,),
+                            integrator="trapezoidal", **SMALL), 2
+
+def species(device):
+    domain = Domain((0, 0), (5e-6, 5e-6), periodic="xy", depth=1e-6)
+    phase = fluid(domain, unit_fluid(density=1000.0), 1e-6)
+    s = Simulation(domain, phase, Static(support=2.0), device=device, dt=1e-5,
+                   species=[Species("A", 1e-9), Species("B", 1e-9, molecules=True)],
+                   reactions=[Reaction("B -> 0", forward=1000.0)])
+    s.chemistry.set_concentration("A", lambda x: 1e-3 * (x[:, 0] > 2e-6))
+    s.chemistry.set_concentration("B", lambda x: 1e-3 * (x[:, 1] > 2e-6))
+    return s, 2
+
+for make in (noisy, walls, trapezoidal, species):
+    states = []
+    for backend in ("cpu", "cuda"):
+        simulation, steps = make(Device(backend))
+        simulation.advance(steps)
+        states.append(simulation.state()["fields"])
+    for name, cpu in states[0].items():
+        cuda = states[1][name]
+        scale = np.abs(cpu.astype(float)).max(initial=0) or 1.0
+        error = np.abs(cpu.astype(float) - cuda).max(initial=0) / scale
+        assert error < 1e-11, (make.__name__, name, error)
+    print(make.__name__, "agrees")
+
+device = Device("cuda")
+values = np.random.default_rng(1).normal(size=(600, 2))
+reduction = Reduction(device)
+assert np.allclose(reduction.sum(device.array(values)), values.sum(axis=0), atol=1e-12)
+assert reduction.max(device.array(values[:, 0])) == values[:, 0].max()
+print("reductions agree")
+"""
+
+
+def test_cuda_gives_what_the_cpu_gives():
+    tests = Path(__file__).resolve().parent.parent
+    path = os.pathsep.join([str(tests), *filter(None, [os.environ.get("PYTHONPATH")])])
+    environment = {**os.environ, "NUMBA_ENABLE_CUDASIM": "1", "PYTHONPATH": path}
+    done = subprocess.run(
+        [sys.executable, "-c", SCRIPT], capture_output=True, text=True, env=environment, timeout=300
+    )
+    assert done.returncode == 0, done.stderr[-3000:]
+    assert done.stdout.split("\n")[:5] == [
+        "noisy agrees",
+        "walls agrees",
+        "trapezoidal agrees",
+        "species agrees",
+        "reductions agree",
+    ]

@@ -18,6 +18,7 @@ _COUNTERS = ("step", "time", "dt", "chemistry_every")
 def state_of(simulation: Simulation) -> dict[str, Any]:
     """See :meth:`particell.simulation.Simulation.state`."""
     s = simulation
+    s.start()
     chemistry = s.chemistry
     return {
         "fields": {name: np.array(s.particles.host(name)) for name in s.particles},

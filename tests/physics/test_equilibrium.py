@@ -10,7 +10,7 @@ from systems import UNIT_TEMPERATURE, channel, fluid_rows, periodic_lattice, uni
 
 
 @pytest.mark.parametrize(
-    ("side", "dim", "support", "steps"), [(16, 2, 3.0, 4000), (8, 3, 2.8, 1500)]
+    ("side", "dim", "support", "steps"), [(16, 2, 3.0, 6000), (8, 3, 2.8, 1500)]
 )
 def test_equipartition(side, dim, support, steps):
     """⟨½ m v²⟩ = (D/2) k_B T within 1 % at the automatic time step, and no drift of momentum.
@@ -18,7 +18,7 @@ def test_equipartition(side, dim, support, steps):
     The standard error is taken from 20 blocks and has to be so small that 1 % and the 0.3 % that
     the integrator is known to keep are five standard errors apart: a false alarm of 1e-6.
     """
-    material = unit_fluid(viscosity=5.0, sound_speed=30.0, temperature=UNIT_TEMPERATURE)
+    material = unit_fluid(viscosity=20.0, sound_speed=30.0, temperature=UNIT_TEMPERATURE)
     simulation = periodic_lattice(
         side,
         dim,
@@ -66,4 +66,4 @@ def test_hydrostatic_column_stays_as_it_is():
     span = gravity * height / sound**2
     assert np.abs(found - profile(y)).max() < 0.03 * span
     speed = np.linalg.norm(p.host("v")[inside], axis=1).max()
-    assert speed < 0.02 * gravity * height / sound
+    assert speed < 0.01 * np.sqrt(2 * gravity * height)  # of a fall through the column

@@ -70,6 +70,27 @@ def moments(series: ArrayLike, axis: int = 0) -> Moments:
     return Moments(values.mean(axis=axis), deviation, deviation / np.sqrt(n), n)
 
 
+def block_average(series: ArrayLike, blocks: int = 20) -> Moments:
+    """Mean of a correlated time series, its standard error from the means of equal blocks.
+
+    Right where a block is longer than the series' memory. What does not fill the last block is
+    left out at the beginning.
+
+    Parameters
+    ----------
+    series
+        (frames,), or (frames, ...).
+    blocks
+        Number of blocks.
+    """
+    values = np.asarray(series, float)
+    length = len(values) // blocks
+    if blocks < 2 or length < 1:
+        raise InputError("blocks", blocks, f"between 2 and the {len(values)} samples")
+    kept = values[len(values) - blocks * length :]
+    return moments(kept.reshape(blocks, length, *values.shape[1:]).mean(axis=1))
+
+
 def kinetic_temperature(
     mass: ArrayLike, velocity: ArrayLike, conserved_momentum: bool = True
 ) -> float:

@@ -16,6 +16,22 @@ if TYPE_CHECKING:
 
 # name: (module and class, what it is in one line)
 CASES: dict[str, tuple[str, str]] = {
+    "diffusion-1d": (
+        "particell.cases.diffusion_1d:Diffusion1D",
+        "Diffusion across a slab, with concentrations and with molecules",
+    ),
+    "equilibrium-2d": (
+        "particell.cases.equilibrium:Equilibrium2D",
+        "A fluctuating fluid at rest in two dimensions: temperature, Maxwell, density",
+    ),
+    "equilibrium-3d": (
+        "particell.cases.equilibrium:Equilibrium3D",
+        "A fluctuating fluid at rest in three dimensions: temperature, Maxwell, density",
+    ),
+    "taylor-green": (
+        "particell.cases.taylor_green:TaylorGreen",
+        "Taylor–Green vortices decaying in a periodic square, with plain SPH",
+    ),
     "yeast-channel": (
         "particell.cases.yeast_channel:YeastChannel",
         "Reactive flow past a yeast cell, with concentrations and with molecules",

@@ -30,6 +30,7 @@ import numba
 from numba import njit, prange
 
 from particell.compute.cache import NUMBA_CONFIG, compiled_here
+from particell.compute.simulator import for_simulator, simulating
 
 #: ``fastmath=True`` would delete ``isfinite``. Re-association is left out on purpose: with it LLVM
 #: vectorises the sums over neighbours with gather instructions, which are more than twice slower
@@ -218,6 +219,12 @@ def cuda_python(loop: Loop, constants: dict[str, Any]) -> Callable[..., None]:
     for name, value in loop.body.__globals__.items():
         if value is scatter_add:
             extra[name] = cuda_scatter_add()
+    if simulating():
+        helpers = {**loop.body.__globals__, **constants}
+        constants = dict(constants)
+        for_simulator(helpers)
+        constants.update({name: helpers[name] for name in constants})
+        extra = {**helpers, **extra}
     return _define(loop, constants, [*guard, *tree.body], extra)
 
 

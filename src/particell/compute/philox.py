@@ -11,6 +11,8 @@ import math
 import numpy as np
 from numba import njit
 
+from particell.errors import InputError
+
 # What a number is for; part of the key, so that no two uses share numbers.
 PAIR_NOISE = 1
 REACTION = 2
@@ -48,7 +50,7 @@ def philox(c0, c1, c2, c3, k0, k1):
 def stream_key(seed: int, purpose: int) -> tuple[np.uint64, np.uint64]:
     """The key (two 32-bit words) of a purpose under a seed of at most 56 bits."""
     if not 0 <= seed < 2**56:
-        raise ValueError(f"seed = {seed} is not between 0 and 2**56 - 1")
+        raise InputError("seed", seed, "between 0 and 2**56 - 1")
     return np.uint64(seed & 0xFFFFFFFF), np.uint64((seed >> 32) | (purpose << 24))
 
 

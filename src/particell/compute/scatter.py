@@ -23,12 +23,12 @@ def scatter_add(buffer, column, value):
 @cache
 def cuda_scatter_add():
     """The CUDA form of :func:`scatter_add`, made when first asked for."""
-    from numba import cuda
+    from numba import cuda as module
 
-    atomic: Any = cuda.atomic  # typed as the class of the stubs, called as its instance
+    cuda: Any = module  # its stubs know 'atomic' as a class only
 
     @cuda.jit(device=True)
     def scatter(buffer, column, value):
-        atomic.add(buffer, (0, column), value)
+        cuda.atomic.add(buffer, (0, column), value)
 
     return scatter

@@ -250,7 +250,6 @@ class SDPDSolver:
             "WALLS": bool(neighbours.constants["WALLS"]),
             "SHIFT": self.shifting,
         }
-        self.summation = scheme.density == "summation"
         self.shift_pressure = scheme.shifting * max(
             m.density * (m.sound_speed or 0.0) ** 2 for m in by_group
         )
@@ -268,9 +267,11 @@ class SDPDSolver:
         dim, o = {"DIM": self.dim}, self.options
         small = {k: o[k] for k in ("DIM", "KERNEL", "UNIFORM")}
         continuity = not self.summation
-        self.density_sweep = bind(
-            rates, fields, **{**o, "NOISE": False, "SHIFT": False}, DENSITY=True, FORCE=False
-        )
+        if self.leapfrog:
+            half = {**fields, "density": fields["density_half"]}
+            quiet = {**o, "NOISE": False, "SHIFT": False}
+            self.density_sweep = bind(rates, half, **quiet, DENSITY=True, FORCE=False)
+            self.predict_density = bind(updates.predict_density, fields)
         self.force_sweep = bind(rates, fields, **o, DENSITY=False, FORCE=True)
         self.full_sweep = bind(rates, fields, **o, DENSITY=continuity, FORCE=True)
         self.sum_density = bind(summed_density, fields, **small)
@@ -312,7 +313,8 @@ class SDPDSolver:
 
         The continuity equation is integrated by the midpoint rule, with positions and velocities
         at n + 1/2: that is the leapfrog of density and velocity, which neither damps nor feeds
-        sound. (Rates taken with the forces, at n + 1, are late by half a step.)
+        sound. (Rates taken with the forces, at n + 1, are late by half a step.) The densities and
+        volumes in it are extrapolated to n + 1/2 too, else it would be of first order.
         """
         n = self.n
         self.kick(n, 0.5 * dt)
@@ -325,6 +327,7 @@ class SDPDSolver:
             self._thermodynamics(0.0)
         else:
             self.drift(n, 0.5 * dt)
+            self.predict_density(n, 0.5 * dt)
             self.density_sweep(n, step, 0.0)
             self.drift(n, 0.5 * dt)
             self.after_drift()

@@ -13,7 +13,7 @@ height, speed = 100e-6, 1e-3  # m and m/s
 water = pc.Fluid(density=1000, viscosity=1e-3)
 push = 8 * water.viscosity / water.density * speed / height**2  # m/s²: gives that speed midway
 
-box = pc.Domain(lower=(0, 0), upper=(height / 2, height), periodic="x")
+box = pc.Domain(lower=(0, 0), upper=(height, height), periodic="x")
 across = 20
 if len(sys.argv) > 1:
     across = int(sys.argv[1])

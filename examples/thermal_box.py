@@ -5,8 +5,6 @@ python examples/thermal_box.py [particles along an edge] [time in ns]
 
 import sys
 
-import numpy as np
-
 import particell as pc
 from particell.materials import BOLTZMANN
 

@@ -27,7 +27,7 @@ def example(tmp_path, monkeypatch):
 
 
 def test_first_run(example, tmp_path):
-    found = example("first_run", "12")
+    found = example("first_run", "16")
     assert found["error"] < 0.03
     assert (tmp_path / "out/first_run/run.h5").stat().st_size > 0
     assert (tmp_path / "out/first_run/velocity.png").stat().st_size > 0

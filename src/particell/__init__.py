@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from particell.geometry.domain import Domain
     from particell.geometry.fill import jittered, lattice, packed, rings
     from particell.geometry.shapes import Ball, Box, Circle, HalfSpace, Sphere
+    from particell.laws.buoyancy import Buoyancy
     from particell.materials import Fluid
     from particell.observers import SteadyState
     from particell.output.export import export_vtkhdf
@@ -40,6 +41,7 @@ if TYPE_CHECKING:
 _HOME = {
     "Ball": "geometry.shapes",
     "Box": "geometry.shapes",
+    "Buoyancy": "laws.buoyancy",
     "Circle": "geometry.shapes",
     "Device": "compute.device",
     "Domain": "geometry.domain",
@@ -74,6 +76,7 @@ __all__ = [
     "SDPD",
     "Ball",
     "Box",
+    "Buoyancy",
     "Circle",
     "Device",
     "Domain",

@@ -9,7 +9,9 @@ import numpy as np
 
 from particell.boundaries.reflection import Reflection, reflect, surface_table
 from particell.boundaries.sponge import Sponge, relax_velocity, share_of_target
-from particell.errors import RunError
+from particell.errors import InputError, RunError
+from particell.laws.buoyancy import Buoyancy, add_buoyancy
+from particell.materials import AVOGADRO
 
 if TYPE_CHECKING:
     from particell.simulation import Simulation
@@ -108,6 +110,41 @@ class Constraints:
         s = self.simulation
         run = loop.specialise(s.device.backend, **constants)
         return run, len(s.particles), {**s.neighbours.fields, **s.particles.fields}
+
+
+class Forces:
+    """Body forces that depend on what the particles carry; they act after the force sweep."""
+
+    def __init__(self, simulation: Simulation, forces: Sequence[Buoyancy]):
+        self.simulation, self.forces = simulation, list(forces)
+        self._strengths = []
+        dim = simulation.domain.dim
+        for force in self.forces:
+            if simulation.chemistry is None or force.species not in simulation.chemistry.species:
+                known = simulation.chemistry.species if simulation.chemistry else {}
+                raise InputError("species", force.species, f"one of {', '.join(known) or 'none'}")
+            if len(force.gravity) != dim:
+                raise InputError("gravity", force.gravity, f"{dim} numbers")
+            strength = -force.expansion * np.array(force.gravity, dtype=float)
+            self._strengths.append(simulation.device.array(strength))
+
+    def apply(self) -> None:
+        """Add all forces to the particles' accelerations."""
+        simulation = self.simulation
+        chemistry, particles = simulation.chemistry, simulation.particles
+        for force, strength in zip(self.forces, self._strengths, strict=True):
+            assert chemistry is not None
+            whole = chemistry.species[force.species].molecules
+            values = {
+                **particles.fields,
+                "content": particles["count" if whole else "amount"],
+                "s": chemistry.column(force.species),
+                "scale": 1.0 / (simulation.depth_factor * AVOGADRO) if whole else 1.0,
+                "reference": force.reference,
+                "strength": strength,
+            }
+            run = add_buoyancy.specialise(simulation.device.backend, DIM=simulation.domain.dim)
+            run(len(particles), *(values[name] for name in add_buoyancy.arguments))
 
 
 class Monitor:

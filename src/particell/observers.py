@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import signal
+import sys
 import threading
 import time as clock
 from collections.abc import Iterator, Mapping
@@ -16,6 +17,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from tqdm import tqdm
 
+from particell.compute.cache import cache_directory
 from particell.errors import InputError, Interrupted, RunError
 from particell.output.checkpoint import write_checkpoint
 from particell.output.files import OutputError, plain
@@ -191,6 +193,8 @@ def run_with_observers(
             "last": simulation.step + intervals * per_frame,
             "next": simulation.step + per_frame,
         }
+    if progress and not cache_directory().exists():
+        tqdm.write("compiling the loops (only the first time; about half a minute)", sys.stderr)
     simulation.start()
     recorder = Recorder(simulation, directory, resumed)
     if not resumed:

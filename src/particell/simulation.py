@@ -25,7 +25,8 @@ from particell.compute.device import Device
 from particell.compute.loop import CompileLog, suitable_threads
 from particell.errors import InputError
 from particell.geometry.domain import Domain
-from particell.motion import Constraints, Monitor
+from particell.laws.buoyancy import Buoyancy
+from particell.motion import Constraints, Forces, Monitor
 from particell.phases import Phase
 from particell.restart import restore, state_of
 from particell.schemes.sdpd import SDPD, SDPDSolver
@@ -59,6 +60,8 @@ class Simulation:
         What the particles carry.
     boundaries
         Reflecting surfaces, sponges, reservoirs, walls with fixed concentrations.
+    forces
+        :class:`~particell.laws.buoyancy.Buoyancy`.
     seed
         Of all random numbers: the same seed gives the same bits for any number of threads.
     dt
@@ -87,6 +90,7 @@ class Simulation:
         species: Sequence[Species] = (),
         reactions: Sequence[Reaction] = (),
         boundaries: Sequence[Boundary] = (),
+        forces: Sequence[Buoyancy] = (),
         seed: int = 1,
         dt: float | str = "auto",
         device: Device | None = None,
@@ -138,6 +142,7 @@ class Simulation:
         self.constraints = Constraints(self, boundaries)
         if isinstance(self.solver, SDPDSolver):
             self.solver.after_drift = self.constraints.reflect  # type: ignore[method-assign]
+            self.solver.after_forces = Forces(self, forces).apply  # type: ignore[method-assign]
         self.monitor = Monitor(self)
         self.automatic = dt == "auto"
         self.step, self.time = 0, 0.0

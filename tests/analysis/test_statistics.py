@@ -5,6 +5,7 @@ import pytest
 
 from particell.analysis.statistics import (
     BOLTZMANN,
+    block_average,
     decay_rate,
     epsilon_error,
     kinetic_temperature,
@@ -79,3 +80,19 @@ def test_decay_rate():
         decay_rate([0, 1], [1.0, 0.0])
     with pytest.raises(InputError, match="two different times"):
         decay_rate([1, 1], [1.0, 1.0])
+
+
+def test_block_average_knows_the_memory_of_a_series():
+    random = np.random.default_rng(1)
+    steps = random.standard_normal(40_000)
+    series = np.empty_like(steps)
+    series[0] = 0.0
+    for k in range(1, len(steps)):  # an AR(1) process with a memory of about 10
+        series[k] = 0.9 * series[k - 1] + steps[k]
+    exact = 10 / np.sqrt(len(steps))  # deviation of the mean: 1/(1 - 0.9)/sqrt(n)
+    blocked = block_average(series)
+    assert blocked.samples == 20
+    assert float(blocked.error) == pytest.approx(exact, rel=0.6)
+    assert abs(float(blocked.mean)) < 5 * exact
+    with pytest.raises(InputError, match="blocks"):
+        block_average(series[:5])

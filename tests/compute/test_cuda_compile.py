@@ -59,9 +59,10 @@ def flows():
     sponge = Sponge(1.0, 4.0, time=0.5, velocity=lambda x: np.ones_like(x))
     floor = Reflection(HalfSpace((0, 0), (0, 1)))
     yield periodic_lattice(8, 2, hot, fluctuations=True, density="summation")
-    yield periodic_lattice(8, 3, hot, fluctuations=True, density="summation", noise="gaussian")
+    yield periodic_lattice(8, 3, hot, fluctuations=True, density="summation")
     yield channel((8, 6), gravity=(0.1, 0.0), boundaries=[sponge, floor], density_diffusion=0.1)
-    yield periodic_lattice(8, 1, integrator="trapezoidal")
+    yield periodic_lattice(8, 2, integrator="trapezoidal")
+    yield periodic_lattice(8, 1)
 
 
 def reacting():

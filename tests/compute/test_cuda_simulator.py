@@ -39,7 +39,7 @@ def walls(device):
                    boundaries=[sponge, Reflection(HalfSpace((0, 0), (0, 1)))], **SMALL), 3
 
 def trapezoidal(device):
-    return periodic_lattice((6,), 1, jitter=0.1, device=device, velocity=(0.3,),
+    return periodic_lattice(6, 2, jitter=0.1, device=device, velocity=(0.3, 0.1),
                             integrator="trapezoidal", **SMALL), 2
 
 def species(device):

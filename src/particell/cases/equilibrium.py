@@ -13,11 +13,12 @@ Water at rest, starting without any motion on a lattice. The noise heats it unti
 
   with Ŵ the transform of the kernel: the energy is that of the summed density. This is the
   mean-field result for the free energy :math:`\frac12 c_0^2 (W*\rho)^2/\rho_0` plus the ideal
-  gas's. It leaves out the stiffness of the particles' arrangement: expect agreement within some
-  10 %, not an exact value.
+  gas's. It knows nothing of how particles arrange themselves, so it is a guide and not a limit:
+  measured over predicted is 1.27 ± 0.07 in two dimensions by default (a liquid is softer than
+  the smeared-out mass: a particle's own part of the summed density does not change).
 
 Equilibrium does not depend on the time step; with ``dt_factor`` 0.5 and 0.25 the temperature and
-the variance of density stay what they are (``tests/physics/test_equilibrium_cases.py``).
+the variance of density stay what they are (``tests/physics/test_equilibrium_time_step.py``).
 
 Drops of 50 nm (two dimensions: discs as thick as their spacing) fluctuate by 0.2 m/s; the sound
 speed follows from that by rule. One frame is taken every h²ρ/η, 20 automatic time steps.
@@ -32,7 +33,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -54,7 +55,7 @@ ALARM = 1e-6
 #: Frames between those whose velocities are tested: longer than the slowest wave's memory.
 THINNING = 20
 #: Part of the run that is equilibration.
-DISCARDED = 0.1
+DISCARDED = 0.2
 
 
 class Equilibrium2D(Case):
@@ -62,7 +63,7 @@ class Equilibrium2D(Case):
 
     name = "equilibrium-2d"
     title = "A fluctuating fluid at rest in two dimensions: temperature, Maxwell, density"
-    full = {"resolution": 64}
+    full: ClassVar[dict[str, Any]] = {"resolution": 64}
     dim: ClassVar[int] = 2
 
     resolution: Annotated[int, Field(ge=9, le=512)] = 40
@@ -91,8 +92,8 @@ class Equilibrium2D(Case):
     """The random numbers."""
     dt_factor: Annotated[float, Field(gt=0, le=4)] = 1.0
     """Time step in units of the automatic one."""
-    samples: Annotated[int, Field(ge=40)] = 1000
-    """Frames, one every h²ρ/η; the first tenth is equilibration."""
+    samples: Annotated[int, Field(ge=40)] = 600
+    """Frames, one every h²ρ/η; the first fifth is equilibration."""
 
     @property
     def viscous_time(self) -> float:
@@ -159,7 +160,8 @@ class Equilibrium2D(Case):
 
     def density_variances(self, run: Run) -> np.ndarray:
         """Variance of ρ/ρ₀ over the particles, of every frame."""
-        return np.array([np.var(rho / self.density) for rho in run.field("density")])
+        density = run.field("density")
+        return np.array([np.var(density[k] / self.density) for k in range(len(run))])
 
     def analyse(self, run: Run, simulation: Simulation) -> dict[str, Metric]:
         """Temperature, momentum, Maxwell's distribution, fluctuations of density."""
@@ -264,7 +266,7 @@ class Equilibrium2D(Case):
             elinewidth=0.8,
             label=f"{z.size} components",
         )
-        axes.set(yscale="log", xlabel="v √(m / k_B T)", ylabel="probability density")
+        axes.set(yscale="log", xlabel="v √(m / kT)", ylabel="probability density")
         axes.set_ylim(1e-6, 2)
         axes.legend(loc="lower center")
         return figure
@@ -290,10 +292,10 @@ class Equilibrium3D(Equilibrium2D):
 
     name = "equilibrium-3d"
     title = "A fluctuating fluid at rest in three dimensions: temperature, Maxwell, density"
-    full = {"resolution": 24}
+    full: ClassVar[dict[str, Any]] = {"resolution": 24}
     dim: ClassVar[int] = 3
 
     resolution: Annotated[int, Field(ge=9, le=128)] = 12
     """Particles along an edge."""
-    samples: Annotated[int, Field(ge=40)] = 500
-    """Frames, one every h²ρ/η; the first tenth is equilibration."""
+    samples: Annotated[int, Field(ge=40)] = 300
+    """Frames, one every h²ρ/η; the first fifth is equilibration."""

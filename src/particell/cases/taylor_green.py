@@ -47,7 +47,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -74,7 +74,7 @@ class TaylorGreen(Case):
 
     name = "taylor-green"
     title = "Taylor–Green vortices decaying in a periodic square, with plain SPH"
-    full = {"resolution": 100, "end": 5.0}
+    full: ClassVar[dict[str, Any]] = {"resolution": 100, "end": 5.0}
 
     resolution: Annotated[int, Field(ge=16, le=1000)] = 50
     """Particles along an edge."""

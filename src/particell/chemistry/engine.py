@@ -198,6 +198,10 @@ class Chemistry:
             raise InputError("species", name, "one with molecules=True, to have a count")
         return self.particles.host("count")[:, column]
 
+    def column(self, name: str) -> int:
+        """The species' column in the field ``amount`` or ``count``."""
+        return self._column(name)[1]
+
     def totals(self) -> dict[str, tuple[float | int, float | int]]:
         """For each species its total and what was booked: mol, or whole numbers of molecules.
 

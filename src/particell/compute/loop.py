@@ -209,7 +209,7 @@ def cuda_python(loop: Loop, constants: dict[str, Any]) -> Callable[..., None]:
     """The Python function that becomes the CUDA kernel of a loop."""
     from numba import cuda
 
-    from particell.compute.scatter import cuda_scatter_add, scatter_add
+    from particell.compute import scatter, scatter_cuda
 
     tree = loop.tree()
     guard = ast.parse(f"{loop.index} = cuda.grid(1)\nif {loop.index} >= n:\n    return").body
@@ -217,8 +217,8 @@ def cuda_python(loop: Loop, constants: dict[str, Any]) -> Callable[..., None]:
         ast.copy_location(statement, tree.body[0])
     extra: dict[str, Any] = {"cuda": cuda}
     for name, value in loop.body.__globals__.items():
-        if value is scatter_add:
-            extra[name] = cuda_scatter_add()
+        if value is scatter.scatter_add:
+            extra[name] = scatter_cuda.scatter_add
     if simulating():
         helpers = {**loop.body.__globals__, **constants}
         constants = dict(constants)

@@ -7,9 +7,6 @@ depend on the order, so both give the same bits for any number of threads.
 
 from __future__ import annotations
 
-from functools import cache
-from typing import Any
-
 import numba
 from numba import njit
 
@@ -18,17 +15,3 @@ from numba import njit
 def scatter_add(buffer, column, value):
     """Add ``value`` to ``buffer[my thread, column]``; ``buffer`` has shape (threads, columns)."""
     buffer[numba.get_thread_id(), column] += value
-
-
-@cache
-def cuda_scatter_add():
-    """The CUDA form of :func:`scatter_add`, made when first asked for."""
-    from numba import cuda as module
-
-    cuda: Any = module  # its stubs know 'atomic' as a class only
-
-    @cuda.jit(device=True)
-    def scatter(buffer, column, value):
-        cuda.atomic.add(buffer, (0, column), value)
-
-    return scatter

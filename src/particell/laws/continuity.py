@@ -17,12 +17,12 @@ from numba import njit
 
 
 @njit
-def divergence(volume_j, f, v_dot_x):
-    """The pair's part of the divergence of velocity, V_j F_ij v_ij·x_ij, in 1/s."""
-    return volume_j * f * v_dot_x
+def divergence(weight, v_dot_x):
+    """The pair's part of the divergence of velocity in 1/s; ``weight`` is V_j F_ij."""
+    return weight * v_dot_x
 
 
 @njit
-def density_diffusion(volume_j, f, density_i, density_j):
-    """The pair's part of the Laplacian of density, 2 V_j (ρ_j − ρ_i) F_ij, in kg/m⁵."""
-    return 2.0 * volume_j * f * (density_j - density_i)
+def density_diffusion(weight, density_i, density_j):
+    """The pair's part of *half* the Laplacian of density, V_j F_ij (ρ_j − ρ_i), in kg/m⁵."""
+    return weight * (density_j - density_i)

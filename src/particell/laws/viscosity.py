@@ -34,9 +34,9 @@ def friction_coefficients(shear: float, bulk: float, dim: int) -> tuple[float, f
 
 
 @njit
-def pair_friction(f, volume_i, volume_j):
-    """F/(d_i d_j) = F V_i V_j, what :func:`friction_coefficients` are multiplied by."""
-    return f * volume_i * volume_j
+def pair_friction(weight, inverse_density):
+    """F/(d_i d_j m_i) = V_j F_ij/ρ_i, what the :func:`friction_coefficients` are multiplied by."""
+    return weight * inverse_density
 
 
 @njit

@@ -226,7 +226,7 @@ class SDPDSolver:
             "alpha": normalisation(code, dim),
             "transverse": array(np.array([f[0] for f in friction])),
             "radial": array(np.array([f[1] for f in friction])),
-            "diffusion": array(scheme.delta * h * sound_speeds),
+            "diffusion": array(2 * scheme.delta * h * sound_speeds),
             "thermal": array(self.thermal),
             "gravity": array(gravity),
             "key0": key[0],
@@ -351,6 +351,9 @@ class SDPDSolver:
     def after_drift(self) -> None:
         """Called when positions have reached the end of the step (reflecting surfaces)."""
 
+    def after_forces(self) -> None:
+        """Called when accelerations are known (forces that depend on species)."""
+
     def _renew_list(self, dt: float) -> None:
         p = self.particles
         if self.neighbours.needs_build(p["x"], p["transport" if self.shifting else "v"], dt):
@@ -368,3 +371,4 @@ class SDPDSolver:
     def _accelerate(self, step: int, dt: float, full: bool = False) -> None:
         sweep = self.full_sweep if full else self.force_sweep
         sweep(self.n, step, 1.0 / dt)
+        self.after_forces()

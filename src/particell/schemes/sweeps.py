@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 from numba import njit
 
 from particell.boundaries.wall import extrapolation, surface_distance
@@ -90,7 +91,7 @@ def rates(
 
     ``shift`` receives the sum of :mod:`particell.laws.shifting` (with the forces).
     ``transverse``, ``radial`` and ``thermal`` (k_B T) are tables by group; ``diffusion`` is
-    δ h c₀ by group. ``inverse_dt`` is 1/dt, by which the squared noise grows.
+    2 δ h c₀ by group. ``inverse_dt`` is 1/dt, by which the squared noise grows.
     """
     if is_wall[i]:
         for d in range(DIM):
@@ -116,12 +117,13 @@ def rates(
     transverse_i = transverse[g]
     radial_i = radial[g]
     inverse_mass = 1.0 / mass[i]
+    inverse_density = volume_i * inverse_mass
     strength = 2.0 * thermal[g] * inverse_dt
     ax, ay, az = 0.0, 0.0, 0.0
     expansion, spread = 0.0, 0.0
     sx, sy, sz = 0.0, 0.0, 0.0
     dy, dz, dv, dw = 0.0, 0.0, 0.0, 0.0
-    for k in range(start[i], split[i]):
+    for k in range(np.uint64(start[i]), np.uint64(split[i])):  # unsigned: no test for k < 0
         j = neighbours[k]
         dx = xi - x[j, 0]
         if wraps:
@@ -144,16 +146,17 @@ def rates(
             r2 += dz * dz
             vx += dw * dz
         r = math.sqrt(r2)
-        inverse_r = 1.0 / (r + TINY) if RADIAL or NOISE else 0.0
+        inverse_r = 1.0 / (r + TINY) if RADIAL else 0.0
         if UNIFORM:
             f = scale * shape_f(r * inverse_h, KERNEL)
         else:
             f = kernel_slope(r, 0.5 * (hi + support[j]), alpha, KERNEL, DIM)
         volume_j = volume[j]
+        weight = volume_j * f
         if DENSITY:
-            expansion += divergence(volume_j, f, vx)
+            expansion += divergence(weight, vx)
             if DELTA:
-                spread += density_diffusion(volume_j, f, density_i, density[j])
+                spread += density_diffusion(weight, density_i, density[j])
         if FORCE:
             transverse_ij, radial_ij = transverse_i, radial_i
             if MIXED:
@@ -165,7 +168,7 @@ def rates(
                     radial_ij = harmonic_mean(along_i, along_j) - transverse_ij
                 if NOISE:
                     strength = 2.0 * harmonic_mean(thermal[g], thermal[other]) * inverse_dt
-            friction = pair_friction(f, volume_i, volume_j) * inverse_mass
+            friction = pair_friction(weight, inverse_density)
             along = pressure_acceleration(mass[j], term_i, pressure_term[j], f)
             across = transverse_ij * friction
             if RADIAL:
@@ -178,16 +181,20 @@ def rates(
                 sx += push * dx
                 sy += push * dy
                 sz += push * dz
-            if NOISE:
+            if NOISE and f > 0.0:  # drawing costs more than the branch
                 n0, n1, n2 = pair_numbers(id[i], id[j], step, key0, key1, GAUSSIAN, DIM)
                 s, s_radial = noise_amplitudes(
                     transverse_ij, radial_ij, friction * inverse_mass * strength
                 )
-                projected = (n0 * dx + n1 * dy + n2 * dz) * inverse_r
-                extra = (s_radial - s) * projected * inverse_r
-                ax += s * n0 + extra * dx
-                ay += s * n1 + extra * dy
-                az += s * n2 + extra * dz
+                ax += s * n0
+                ay += s * n1
+                az += s * n2
+                if RADIAL:
+                    projected = (n0 * dx + n1 * dy + n2 * dz) * inverse_r
+                    extra = (s_radial - s) * projected * inverse_r
+                    ax += extra * dx
+                    ay += extra * dy
+                    az += extra * dz
     if WALLS:
         for k in range(split[i], stop[i]):
             j = neighbours[k]
@@ -219,10 +226,11 @@ def rates(
             inverse_r = 1.0 / (r + TINY)
             f = kernel_slope(r, 0.5 * (hi + support[j]), alpha, KERNEL, DIM)
             volume_j = volume[j]
+            weight = volume_j * f
             if DENSITY:
-                expansion += divergence(volume_j, f, vx)
+                expansion += divergence(weight, vx)
             if FORCE:
-                friction = pair_friction(f, volume_i, volume_j) * inverse_mass
+                friction = pair_friction(weight, inverse_density)
                 along = pressure_acceleration(mass[j], term_i, pressure_term[j], f)
                 across = transverse_i * friction
                 if RADIAL:

@@ -1,0 +1,18 @@
+"""The CUDA form of :mod:`particell.compute.scatter`; imported where kernels are made.
+
+``cuda`` has to be a global of the device function: that is where the simulator looks for it.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from numba import cuda as _module
+
+cuda: Any = _module  # its stubs know 'atomic' as a class only
+
+
+@cuda.jit(device=True)
+def scatter_add(buffer, column, value):
+    """Add ``value`` to ``buffer[0, column]`` atomically; ``buffer`` has shape (1, columns)."""
+    cuda.atomic.add(buffer, (0, column), value)

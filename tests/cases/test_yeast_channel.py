@@ -1,0 +1,54 @@
+"""The yeast channel at a coarse resolution, and the Stokes similarity that its default uses."""
+
+import numpy as np
+import pytest
+
+from particell.cases import yeast_channel_results as results
+from particell.cases.base import Context
+from particell.cases.yeast_channel import YeastChannel
+
+
+def run_case(reynolds: float, chemistry: str, end: float):
+    case = YeastChannel(resolution=40, reynolds=reynolds, chemistry=chemistry, end=end, frames=4)
+    simulation = case.build(Context(seed=1))
+    return case, simulation, simulation.run(case.until, case.every, progress=False)
+
+
+@pytest.fixture(scope="module")
+def both_ways():
+    return run_case(1.0, "both", 1.0)
+
+
+def test_metrics_are_within_their_limits_even_at_this_resolution(both_ways):
+    case, _, run = both_ways
+    metrics = results.metrics(case, run)
+    assert {name for name, metric in metrics.items() if not metric.passed} <= {"u_centreline"}
+    assert metrics["L_centreline_concentrations_t1"].limit == 0.05
+    assert metrics["RL_membrane_concentrations_t1"].limit == 0.05
+
+
+def test_what_no_reaction_changes_is_conserved(both_ways):
+    _, simulation, _ = both_ways
+    for name, drift in simulation.conservation().items():
+        if name.startswith("amount"):
+            assert abs(drift) == 0 if "molecules" in name else abs(drift) < 1e-12, name
+
+
+def test_no_particle_is_inside_the_cell(both_ways):
+    case, _, run = both_ways
+    fluid = run.field("position")[-1][run.group("fluid")]
+    distance = np.linalg.norm(fluid - np.array(case.centre), axis=1)
+    assert distance.min() > case.radius
+
+
+def test_a_smaller_reynolds_number_changes_little():
+    """Stokes similarity: Re = 1 (the default) and Re = 0.25 agree within 2 % at t* = 0.5."""
+    case, _, run = run_case(1.0, "concentrations", 0.5)
+    _, _, slower = run_case(0.25, "concentrations", 0.5)
+    for measure, field in (
+        (results.centreline, "concentration/L"),
+        (results.around_membrane, "concentration/RL"),
+    ):
+        one, other = (measure(case, r, field, -1)[1] for r in (run, slower))
+        good = np.isfinite(one) & np.isfinite(other)
+        assert results.relative_l2(one[good], other[good]) < 0.02

@@ -126,7 +126,7 @@ Acceleration = Annotated[float, Quantity("m/s^2")]
 Diffusivity = Annotated[float, Quantity("m^2/s")]
 Temperature = Annotated[float, Quantity("K")]
 Rate = Annotated[float, Quantity("1/s")]
-Concentration = Annotated[float, Quantity("1/m^3")]
+Concentration = Annotated[float, Quantity("mol/m^3")]
 
 # Units of the recorded fields.
 FIELD_UNITS = {
@@ -144,5 +144,5 @@ FIELD_UNITS = {
 def field_unit(name: str) -> str:
     """SI unit of a recorded field by its name; empty for numbers and for what is unknown."""
     if name.startswith("concentration/"):
-        return "1/m^3"
+        return "mol/m^3"
     return FIELD_UNITS.get(name, "")

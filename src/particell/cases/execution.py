@@ -61,8 +61,8 @@ def execute(
     RunError
         Where the run broke; the directory holds the last good checkpoint.
     """
-    if not isinstance(seed, int) or not 0 <= seed < 2**63:
-        raise InputError("seed", seed, "an integer from 0 to 2^63 - 1")
+    if not isinstance(seed, int) or not 0 <= seed < 2**56:
+        raise InputError("seed", seed, "an integer from 0 to 2^56 - 1")
     context = Context(seed, backend, precision, threads)
     _ = context.device  # refuses what this machine has not, before a directory is made
     set_threads(threads)

@@ -20,7 +20,7 @@ largest error of the maximal speed):
 =====================================  ==========  ===========
 start                                  rate        speed
 =====================================  ==========  ===========
-packed (the default)                   1.02        2.5 %
+packed (the default)                   1.02        2.7 %
 jittered lattice                       1.02        4.6 %
 square lattice                         2.08        78 %
 hexagonal lattice                      1.61        60 %

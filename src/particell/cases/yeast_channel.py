@@ -23,8 +23,9 @@ reference solution is our own (``references/yeast_channel_fem.py``).
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -63,7 +64,7 @@ class YeastChannel(Case):
 
     name = "yeast-channel"
     title = "Reactive flow past a yeast cell, with concentrations and with molecules"
-    full = {"resolution": 100}
+    full: ClassVar[Mapping[str, Any]] = {"resolution": 100}
 
     resolution: Annotated[int, Field(ge=40, le=400)] = 64
     """Particles across the channel."""

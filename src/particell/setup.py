@@ -51,7 +51,10 @@ def build_particles(
     volume = concatenate([p.volume for p in phases])  # type: ignore[arg-type]
     particles.set("density", density)
     particles.set("mass", density * volume)
-    particles.set("support", np.repeat([support * p.particle_spacing for p in phases], sizes))
+    spacing = np.array([p.particle_spacing for p in phases])
+    if np.ptp(spacing) < 1e-9 * spacing.max():
+        spacing[:] = spacing.max()  # equal but for round-off: the fast, uniform loops apply
+    particles.set("support", np.repeat(support * spacing, sizes))
     particles.add("volume", values=volume)
     if any(p.kind == "wall" for p in phases):
         add_wall_geometry(particles, phases)

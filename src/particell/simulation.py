@@ -100,7 +100,7 @@ class Simulation:
             raise InputError("dt", dt, "positive, or 'auto'")
         self.domain, self.scheme, self.seed = domain, scheme, seed
         self.phases = [phases] if isinstance(phases, Phase) else list(phases)
-        self.device = device or Device()
+        device = self.device = device or Device()
         dim = domain.dim
         spacing = min((p.particle_spacing for p in self.phases), default=1.0)
         self.depth = domain.depth if domain.depth is not None else spacing
@@ -115,13 +115,7 @@ class Simulation:
             self.particles.set("mass", self.particles.host("mass") / total)
         self.neighbours = build_neighbours(self.device, domain, self.particles, scheme.skin or 0.1)
         self.solver = scheme.solver(
-            self.device,
-            domain,
-            self.particles,
-            self.neighbours,
-            self.materials,
-            seed,
-            self.depth_factor,
+            device, domain, self.particles, self.neighbours, self.materials, seed, self.depth_factor
         )
         self.chemistry: Chemistry | None = None
         if species:

@@ -26,6 +26,7 @@ CAPABILITY = (8, 0)
 @pytest.fixture(scope="module")
 def to_ptx():
     """A function from a Python kernel and its argument types to PTX."""
+    pytest.importorskip("numba_cuda", reason="numba-cuda is missing (extra 'cuda')")
     try:
         from numba import cuda
         from numba.cuda import dispatcher

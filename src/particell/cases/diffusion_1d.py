@@ -17,8 +17,8 @@ not know of each other, and come in as a Poisson stream), which the molecules ar
 
 References
 ----------
-Jacob, "SDPD-SSA" (2020), section 2.3.1 (the case and the printed errors; the stochastic ones are
-means of 100 realisations, ours is a single one). Crank, The Mathematics of Diffusion (1975), 2.3.
+Jacob, "SDPD-SSA" (2020) (the case and the printed errors; the stochastic ones are
+means of 100 realisations, ours is a single one). Crank, The Mathematics of Diffusion (1975).
 """
 
 from __future__ import annotations

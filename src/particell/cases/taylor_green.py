@@ -39,7 +39,7 @@ number of neighbours. The papers' 2 % from a *regular* lattice need the transpor
 
 References
 ----------
-Jacob, "SPH-BVF" (2020), section 3.4.2 (2 % with the transport velocity);
+Jacob, "SPH-BVF" (2020) (2 % with the transport velocity);
 Adami, Hu & Adams, J. Comput. Phys. 241 (2013) 292.
 """
 

@@ -17,7 +17,7 @@ def test_readable_scales():
     assert plots.length_scale(1e-3) == (1e-3, "mm")
     assert plots.time_scale(2e-9) == (1e-9, "ns")
     assert plots.time_scale(0.0) == (1.0, "s")
-    assert plots.field_label("concentration/L") == "concentration of L [1/m³]"
+    assert plots.field_label("concentration/L") == "concentration of L [mol/m³]"
     assert plots.field_label("count/R") == "count of R"
     assert plots.label("viscosity", "Pa*s") == "viscosity [Pa s]"
 

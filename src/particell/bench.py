@@ -27,8 +27,10 @@ from particell.simulation import Simulation
 
 SIZE = {2: 200, 3: 34}
 SUPPORT = {2: 3.0, 3: 2.8}
+SKIN = {2: 0.1, 3: 0.2}
+STEPS = {2: 40, 3: 8}
 VISCOSITY = 1e-3
-REPEATS = 7
+REPEATS = 5
 
 
 def vortex(points: np.ndarray) -> np.ndarray:
@@ -51,7 +53,7 @@ def flow(dim: int, fluctuations: bool) -> Simulation:
         temperature=1e-3 * mass / BOLTZMANN,
         sound_speed=10.0,
     )
-    scheme = SDPD(support=SUPPORT[dim], fluctuations=fluctuations, skin=0.1)
+    scheme = SDPD(support=SUPPORT[dim], fluctuations=fluctuations, skin=SKIN[dim])
     return Simulation(domain, fluid(domain, material, 1 / n, velocity=vortex), scheme)
 
 
@@ -116,7 +118,7 @@ def flow_entries(dim: int, threads: int) -> list[dict[str, Any]]:
     rows = []
     for noise in (False, True):
         simulation = flow(dim, noise)
-        simulation.advance(60)
+        simulation.advance(STEPS[dim])
         n = len(simulation.particles)
         solver = simulation.solver
         assert isinstance(solver, SDPDSolver)
@@ -131,15 +133,17 @@ def flow_entries(dim: int, threads: int) -> list[dict[str, Any]]:
             solver.force_sweep(n, 0, 1.0)
         builds, steps = simulation.neighbours.builds, simulation.step
 
-        def step(simulation: Simulation = simulation) -> None:
-            simulation.advance(40)
+        number = STEPS[dim]
+
+        def step(simulation: Simulation = simulation, number: int = number) -> None:
+            simulation.advance(number)
 
         seconds = best_time(step)
         built = simulation.neighbours.builds - builds
         name = f"velocity-Verlet step {dim}D, " + ("bounded noise" if noise else "no noise")
         every = (simulation.step - steps) / max(1, built)
         rows.append(
-            entry(name, simulation, threads, 40 * n / seconds, steps_per_build=round(every, 1))
+            entry(name, simulation, threads, number * n / seconds, steps_per_build=round(every, 1))
         )
     return rows
 

@@ -34,9 +34,10 @@ packed, 100²                           1.02        2.0 %
 =====================================  ==========  ===========
 
 Rows below the first are from an earlier packing, which let points gather in pairs and with which
-the default was 2.7 % off in speed; they show what matters, not the last digit. A background pressure keeps particles evenly spread at the price of dissipation; it is zero here,
-which a weak flow far from free surfaces allows. The 2 % do not vanish with resolution at a fixed
-number of neighbours. The papers' 2 % from a *regular* lattice need the transport velocity.
+the default was 2.7 % off in speed; they show what matters, not the last digit. A background
+pressure keeps particles evenly spread at the price of dissipation; it is zero here, which a weak
+flow far from free surfaces allows. The 2 % do not vanish with resolution at a fixed number of
+neighbours. The papers' 2 % from a *regular* lattice need the transport velocity.
 
 References
 ----------

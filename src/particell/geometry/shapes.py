@@ -6,6 +6,7 @@ Distances are negative inside. Shapes combine: ``a | b`` (union), ``a & b`` (int
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 
 import numpy as np
@@ -15,12 +16,12 @@ from particell.errors import InputError
 Points = Sequence[float] | np.ndarray
 
 
-class Shape:
+class Shape(ABC):
     """A region of space; subclasses give its signed distance."""
 
+    @abstractmethod
     def signed_distance(self, points: np.ndarray) -> np.ndarray:
         """Distance in m of points (n, D) from the surface, negative inside; shape (n,)."""
-        raise NotImplementedError
 
     def contains(self, points: np.ndarray) -> np.ndarray:
         """Boolean mask (n,) of the points inside."""

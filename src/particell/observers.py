@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from tqdm import tqdm
 
+from particell.compute import neighbours
 from particell.compute.cache import cache_directory
 from particell.errors import InputError, Interrupted, RunError
 from particell.output.checkpoint import write_checkpoint
@@ -193,7 +194,7 @@ def run_with_observers(
             "last": simulation.step + intervals * per_frame,
             "next": simulation.step + per_frame,
         }
-    if progress and not cache_directory().exists():
+    if progress and not cache_directory(Path(neighbours.__file__)).exists():
         tqdm.write("compiling the loops (only the first time; about half a minute)", sys.stderr)
     simulation.start()
     recorder = Recorder(simulation, directory, resumed)

@@ -169,7 +169,7 @@ def _cpu_loop(loop: Loop, constants: dict[str, Any]) -> Callable[..., None]:
         "nogil": True,
         "cache": not any(callable(value) for value in constants.values()),
     }
-    with compiled_here():
+    with compiled_here(loop.body.__code__.co_filename):
         compiled = njit(**options)(python)
     return _timed_first_call(compiled)
 
@@ -267,5 +267,5 @@ def suitable_threads(particles: int) -> Iterator[None]:
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile a serial host function (sorting, prefix sums), cached on disk like the loops."""
-    with compiled_here():
+    with compiled_here(function.__code__.co_filename):
         return njit(fastmath=FASTMATH, error_model="numpy", nogil=True, cache=True)(function)

@@ -124,13 +124,13 @@ def flow_entries(dim: int, threads: int) -> list[dict[str, Any]]:
         assert isinstance(solver, SDPDSolver)
         if not noise:
 
-            def sweep(solver: SDPDSolver = solver, n: int = n) -> None:
+            def sweep(solver: SDPDSolver = solver) -> None:
                 for k in range(5):
-                    solver.full_sweep(n, k, 1.0)
+                    solver.rates(k, 1.0)
 
             sweep()
             rows.append(entry(f"rates sweep {dim}D", simulation, threads, 5 * n / best_time(sweep)))
-            solver.force_sweep(n, 0, 1.0)
+            solver.initialise(0, simulation.dt)
         builds, steps = simulation.neighbours.builds, simulation.step
 
         number = STEPS[dim]

@@ -75,7 +75,7 @@ def steady_profile(ny, extrapolated=True):
     matrix = np.empty((ny, ny))
     for k in range(ny):
         p.set("v", ((row == k) & inside)[:, None] * np.array([1.0, 0.0]))
-        simulation.solver.force_sweep(len(p), 0, 1.0)
+        simulation.solver.accelerate(0, 1.0)
         matrix[:, k] = p.host("a")[first, 0]
     return p.host("x")[first, 1] / ny, np.linalg.solve(matrix, np.full(ny, -8 / ny**2))
 

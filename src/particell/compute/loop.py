@@ -19,12 +19,13 @@ does not depend on the order.
 from __future__ import annotations
 
 import ast
+import functools
 import inspect
 import textwrap
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, overload
 
 import numba
 from numba import njit, prange
@@ -32,8 +33,8 @@ from numba import njit, prange
 from particell.compute.cache import NUMBA_CONFIG, compiled_here
 from particell.compute.simulator import for_simulator, simulating
 
-#: ``fastmath=True`` would delete ``isfinite``. Re-association is left out on purpose: with it LLVM
-#: vectorises the sums over neighbours with gather instructions, which are more than twice slower
+#: ``fastmath=True`` would delete ``isfinite``. Re-association is for loops over batches only: with it
+#: LLVM vectorises sums over neighbours with gather instructions, which are more than twice slower
 #: than scalar loads on processors with the mitigations of recent years.
 FASTMATH = {"contract", "arcp", "nsz"}
 #: Only what ``prange`` needs: the other automatic transformations double the compile time.
@@ -61,8 +62,9 @@ class CompileLog:
 class Loop:
     """The body of a loop over particles, and its compiled forms."""
 
-    def __init__(self, body: Callable[..., None]):
+    def __init__(self, body: Callable[..., None], vectorise: bool = False):
         self.body = body
+        self.vectorise = vectorise
         self.__doc__ = body.__doc__
         self.__name__ = body.__name__
         signature = inspect.signature(body)
@@ -105,8 +107,18 @@ class Loop:
         return function
 
 
-def particle_loop(body: Callable[..., None]) -> Loop:
-    """Decorate the body for particle ``i`` (its first parameter); see the module's docstring."""
+@overload
+def particle_loop(body: Callable[..., None], /) -> Loop: ...
+@overload
+def particle_loop(*, vectorise: bool) -> Callable[[Callable[..., None]], Loop]: ...
+def particle_loop(body: Callable[..., None] | None = None, /, *, vectorise: bool = False) -> Any:
+    """Decorate the body for particle ``i`` (its first parameter); see the module's docstring.
+
+    ``vectorise`` lets the compiler turn inner loops and their sums into vector instructions; it is
+    for bodies that gather their neighbours first (:mod:`particell.compute.batches`).
+    """
+    if body is None:
+        return functools.partial(Loop, vectorise=vectorise)
     return Loop(body)
 
 
@@ -164,29 +176,29 @@ def _cpu_loop(loop: Loop, constants: dict[str, Any]) -> Callable[..., None]:
     python = _define(loop, constants, [ast.copy_location(header, tree.body[0])], {"prange": prange})
     options: dict[str, Any] = {
         "parallel": PARALLEL,
-        "fastmath": FASTMATH,
+        "fastmath": FASTMATH | {"reassoc"} if loop.vectorise else FASTMATH,
         "error_model": "numpy",
         "nogil": True,
         "cache": not any(callable(value) for value in constants.values()),
     }
     with compiled_here(loop.body.__code__.co_filename):
         compiled = njit(**options)(python)
-    return _timed_first_call(compiled)
+    return _timed_first_call(compiled, loop.vectorise)
 
 
 @contextmanager
-def scalar_code() -> Iterator[None]:
-    """Switch LLVM's vectorisers off: gathers do not pay (see FASTMATH), and compiling is faster."""
+def vectorisers(on: bool) -> Iterator[None]:
+    """Switch LLVM's vectorisers; off, gathers are avoided (see FASTMATH) and compiling is faster."""
     config: Any = numba.config
     before = config.LOOP_VECTORIZE, config.SLP_VECTORIZE
-    config.LOOP_VECTORIZE = config.SLP_VECTORIZE = 0
+    config.LOOP_VECTORIZE = config.SLP_VECTORIZE = int(on)
     try:
         yield
     finally:
         config.LOOP_VECTORIZE, config.SLP_VECTORIZE = before
 
 
-def _timed_first_call(compiled: Callable[..., None]) -> Callable[..., None]:
+def _timed_first_call(compiled: Callable[..., None], vectorise: bool) -> Callable[..., None]:
     """Count the seconds of the first call, in which the loop is compiled or read from the cache."""
     fresh = True
 
@@ -197,7 +209,7 @@ def _timed_first_call(compiled: Callable[..., None]) -> Callable[..., None]:
             return
         fresh = False
         begin = time.perf_counter()
-        with scalar_code():
+        with vectorisers(vectorise):
             compiled(*args)
         CompileLog.seconds += time.perf_counter() - begin
         CompileLog.loops += 1
@@ -209,16 +221,20 @@ def cuda_python(loop: Loop, constants: dict[str, Any]) -> Callable[..., None]:
     """The Python function that becomes the CUDA kernel of a loop."""
     from numba import cuda
 
-    from particell.compute import scatter, scatter_cuda
+    from particell.compute import batches, scatter, scatter_cuda
 
     tree = loop.tree()
     guard = ast.parse(f"{loop.index} = cuda.grid(1)\nif {loop.index} >= n:\n    return").body
     for statement in guard:
         ast.copy_location(statement, tree.body[0])
     extra: dict[str, Any] = {"cuda": cuda}
+    replaced = {
+        id(scatter.scatter_add): scatter_cuda.scatter_add,
+        id(batches.batch_row): scatter_cuda.batch_row,
+    }
     for name, value in loop.body.__globals__.items():
-        if value is scatter.scatter_add:
-            extra[name] = scatter_cuda.scatter_add
+        if id(value) in replaced:
+            extra[name] = replaced[id(value)]
     if simulating():
         helpers = {**loop.body.__globals__, **constants}
         constants = dict(constants)

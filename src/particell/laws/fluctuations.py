@@ -22,17 +22,17 @@ import math
 import numpy as np
 from numba import njit
 
-from particell.compute.philox import bounded_normal2, bounded_normal4, normal_pair, philox
+from particell.compute.philox import bounded_normal2, bounded_normal4, inlined_philox, normal_pair
 
 
-@njit
+@njit(inline="always")
 def pair_numbers(id_i, id_j, step, key0, key1, GAUSSIAN, DIM):
     """Three numbers of zero mean and unit variance (the first DIM count), antisymmetric in i, j."""
     low = np.uint64(min(id_i, id_j))
     high = np.uint64(max(id_i, id_j))
     step_low = np.uint64(step) & np.uint64(0xFFFFFFFF)
     step_high = np.uint64(step) >> np.uint64(32)
-    w0, w1, w2, w3 = philox(low, high, step_low, step_high, key0, key1)
+    w0, w1, w2, w3 = inlined_philox(low, high, step_low, step_high, key0, key1)
     if GAUSSIAN:
         n0, n1 = normal_pair(w0, w1)
         n2, _ = normal_pair(w2, w3)
@@ -48,7 +48,7 @@ def pair_numbers(id_i, id_j, step, key0, key1, GAUSSIAN, DIM):
     return sign * n0, sign * n1, sign * n2
 
 
-@njit
+@njit(inline="always")
 def noise_amplitudes(transverse, radial, friction):
     """√a and √(a+b) for a = transverse·F/(d_id_j), b = radial·F/(d_id_j)."""
     return math.sqrt(transverse * friction), math.sqrt((transverse + radial) * friction)

@@ -12,9 +12,11 @@ Español & Revenga, Phys. Rev. E 67 (2003) 026705; Drawert, Jacob, Li, Yi & Petz
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from particell.compute.batches import batch_size
 from particell.compute.device import Device
 from particell.compute.neighbours import NeighbourList
 from particell.compute.philox import PAIR_NOISE, stream_key
@@ -25,7 +27,8 @@ from particell.laws.viscosity import friction_coefficients
 from particell.materials import BOLTZMANN, Fluid
 from particell.particles import Particles
 from particell.schemes import updates
-from particell.schemes.sweeps import rates, summed_density, wall_pressure
+from particell.schemes.rates import MATTER, RECORD, batch_fields, pack, rates
+from particell.schemes.sweeps import summed_density, wall_pressure
 from particell.schemes.timestep import VISCOUS, VISCOUS_TRAPEZOIDAL_NOISE
 
 INTEGRATORS = ("velocity-verlet", "trapezoidal")
@@ -238,7 +241,7 @@ class SDPDSolver:
         }
         kinds = zip(friction, self.thermal.tolist(), particles.groups, strict=True)
         pairings = {(f, thermal) for f, thermal, g in kinds if g.kind == "fluid"}
-        self.options = {
+        self.options: dict[str, Any] = {
             "DIM": dim,
             "KERNEL": code,
             "UNIFORM": bool(neighbours.constants["UNIFORM"]),
@@ -249,31 +252,42 @@ class SDPDSolver:
             "GAUSSIAN": scheme.noise == "gaussian",
             "WALLS": bool(neighbours.constants["WALLS"]),
             "SHIFT": self.shifting,
+            "BATCH": batch_size(device),
+            "RECORD": RECORD[dim],
+            "MATTER": MATTER[dim],
         }
+        o = self.options
+        self.constants |= batch_fields(
+            device, self.n, dim, o["UNIFORM"], o["WALLS"], o["MIXED"], o["NOISE"]
+        )
         self.shift_pressure = scheme.shifting * max(
             m.density * (m.sound_speed or 0.0) ** 2 for m in by_group
         )
-        self._capacity = 0
+        self._bound: object = None
 
     def _bind(self) -> None:
-        """Look up arrays again where the neighbour list has grown."""
-        if self._capacity == self.neighbours.capacity:
+        """Look up arrays again where those of the neighbour list are new (grown, restored)."""
+        listed = self.neighbours.fields["neighbours"]
+        if self._bound is listed:
             return
-        self._capacity = self.neighbours.capacity
+        self._bound = listed
         fields = {**self.constants, **self.neighbours.fields, **self.particles.fields}
         fields.setdefault("transport", fields["v"])
         without_pressure = {k: v for k, v in fields.items() if k != "pressure"}
         bind = self.device.bind
         dim, o = {"DIM": self.dim}, self.options
+        record = {k: o[k] for k in ("DIM", "RECORD", "MATTER")}
         small = {k: o[k] for k in ("DIM", "KERNEL", "UNIFORM")}
         continuity = not self.summation
         if self.leapfrog:
             half = {**fields, "density": fields["density_half"]}
-            quiet = {**o, "NOISE": False, "SHIFT": False}
-            self.density_sweep = bind(rates, half, **quiet, DENSITY=True, FORCE=False)
+            quiet = {**o, "NOISE": False, "SHIFT": False, "MIXED": False, "RADIAL": False}
+            self._density_rates = bind(rates, half, **quiet, DENSITY=True, FORCE=False)
+            self._pack_half = bind(pack, half, **record)
             self.predict_density = bind(updates.predict_density, fields)
-        self.force_sweep = bind(rates, fields, **o, DENSITY=False, FORCE=True)
-        self.full_sweep = bind(rates, fields, **o, DENSITY=continuity, FORCE=True)
+        self._pack = bind(pack, fields, **record)
+        self._forces = bind(rates, fields, **o, DENSITY=False, FORCE=True)
+        self._all_rates = bind(rates, fields, **o, DENSITY=continuity, FORCE=True)
         self.sum_density = bind(summed_density, fields, **small)
         self.wall_pressure = bind(wall_pressure, fields, DIM=self.dim, KERNEL=o["KERNEL"])
         self.kick = bind(updates.kick, fields, **dim)
@@ -295,7 +309,7 @@ class SDPDSolver:
         """Density (if summed), pressure and acceleration of the initial state."""
         self.build_list()
         self._thermodynamics(0.0)
-        self._accelerate(step, dt)
+        self.accelerate(step, dt)
 
     def restore(self) -> None:
         """Go on from fields and a neighbour list that were put back."""
@@ -328,22 +342,22 @@ class SDPDSolver:
         else:
             self.drift(n, 0.5 * dt)
             self.predict_density(n, 0.5 * dt)
-            self.density_sweep(n, step, 0.0)
+            self.density_rates(step)
             self.drift(n, 0.5 * dt)
             self.after_drift()
             self._thermodynamics(dt)
-        self._accelerate(step + 1, dt)
+        self.accelerate(step + 1, dt)
         self.kick(n, 0.5 * dt)
 
     def _trapezoidal(self, step: int, dt: float) -> None:
         """The papers' explicit two-stage rule; the same noise in both stages."""
         n = self.n
         self._renew_list(dt)
-        self._accelerate(step, dt, full=True)
+        self.rates(step, dt)
         self.remember(n)
         self.predict(n, dt)
         self._thermodynamics(0.0)
-        self._accelerate(step, dt, full=True)
+        self.rates(step, dt)
         self.correct(n, dt)
         self.after_drift()
         self._thermodynamics(0.0)
@@ -368,7 +382,19 @@ class SDPDSolver:
         if self.options["WALLS"]:
             self.wall_pressure(self.n)
 
-    def _accelerate(self, step: int, dt: float, full: bool = False) -> None:
-        sweep = self.full_sweep if full else self.force_sweep
-        sweep(self.n, step, 1.0 / dt)
+    def density_rates(self, step: int) -> None:
+        """Density rate at the half step (velocity-Verlet)."""
+        self._pack_half(self.n)
+        self._density_rates(self.n, step, 0.0)
+
+    def accelerate(self, step: int, dt: float) -> None:
+        """Acceleration; ``dt`` scales the noise."""
+        self._pack(self.n)
+        self._forces(self.n, step, 1.0 / dt)
+        self.after_forces()
+
+    def rates(self, step: int, dt: float) -> None:
+        """Density rate (unless it is summed) and acceleration in one sweep."""
+        self._pack(self.n)
+        self._all_rates(self.n, step, 1.0 / dt)
         self.after_forces()

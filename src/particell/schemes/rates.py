@@ -1,0 +1,346 @@
+r"""The sweep over pairs of the SDPD scheme: which laws act in it.
+
+One body serves the density rate, the forces, or both at once (the compile-time constants
+``DENSITY`` and ``FORCE``): the velocity-Verlet integrator needs them at different times, the
+trapezoidal one at the same time. The laws themselves are in :mod:`particell.laws`.
+
+It works on batches (:mod:`particell.compute.batches`). What is read of a neighbour is packed into
+a record first (:func:`pack`): position, velocity, and from ``MATTER[D]`` on ρ, V, m, P/ρ².
+Row i of the neighbour list holds its mobile neighbours first and then the wall neighbours, for
+which the difference of velocity is extrapolated through the wall's surface
+(:mod:`particell.boundaries.wall`). A pair that is gathered without being inside the support does
+not act: the kernel's slope F is zero there.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from particell.boundaries.wall import extrapolation, surface_distance
+from particell.compute.batches import batch_buffer, batch_row, whole_lanes
+from particell.compute.device import Device
+from particell.compute.loop import particle_loop
+from particell.compute.rounding import nearest_whole
+from particell.kernels import power, shape_f
+from particell.laws.continuity import density_diffusion, divergence
+from particell.laws.fluctuations import noise_amplitudes, pair_numbers
+from particell.laws.pressure import pressure_acceleration
+from particell.laws.shifting import crowding
+from particell.laws.viscosity import harmonic_mean, pair_friction
+
+TINY = 1e-300
+#: Numbers in a record, and the place of ρ, by dimension: padded, so that whole vectors are loaded.
+RECORD = {1: 8, 2: 8, 3: 16}
+MATTER = {1: 4, 2: 4, 3: 8}
+#: Numbers that a pair of two materials has besides.
+MIXTURE = 3
+
+
+def batch_fields(
+    device: Device, n: int, dim: int, uniform: bool, walls: bool, mixed: bool, noise: bool
+) -> dict[str, Any]:
+    """The records and the batch that :func:`pack` and :func:`rates` need, by argument name."""
+
+    def buffer(needed: bool, width: int = 1, dtype: type | None = None) -> Any:
+        return batch_buffer(device, n if needed else 0, width, dtype)
+
+    return {
+        "record": device.zeros(n * RECORD[dim]),
+        "near": buffer(True, 2 * dim),
+        "near_matter": buffer(True, 4),
+        "near_wall": buffer(walls),
+        "near_support": buffer(not uniform),
+        "near_mixture": buffer(mixed, MIXTURE),
+        "near_id": buffer(noise, dtype=np.int64),
+    }
+
+
+@particle_loop
+def pack(i, x, v, volume, mass, pressure_term, density, record, *, DIM, RECORD, MATTER):
+    """Put what neighbours of i read into its record."""
+    at = i * RECORD
+    for d in range(DIM):
+        record[at + d] = x[i, d]
+        record[at + DIM + d] = v[i, d]
+    record[at + MATTER] = density[i]
+    record[at + MATTER + 1] = volume[i]
+    record[at + MATTER + 2] = mass[i]
+    record[at + MATTER + 3] = pressure_term[i]
+
+
+@particle_loop(vectorise=True)
+def rates(
+    i,
+    record,
+    id,
+    group,
+    is_wall,
+    support,
+    wall_normal,
+    wall_depth,
+    wall_curvature,
+    start,
+    split,
+    stop,
+    neighbours,
+    crosses,
+    period,
+    inverse_period,
+    alpha,
+    transverse,
+    radial,
+    diffusion,
+    thermal,
+    gravity,
+    near,
+    near_matter,
+    near_wall,
+    near_support,
+    near_mixture,
+    near_id,
+    a,
+    density_rate,
+    shift,
+    step,
+    key0,
+    key1,
+    inverse_dt,
+    *,
+    DIM,
+    RECORD,
+    MATTER,
+    BATCH,
+    KERNEL,
+    UNIFORM,
+    MIXED,
+    DENSITY,
+    FORCE,
+    RADIAL,
+    DELTA,
+    NOISE,
+    GAUSSIAN,
+    WALLS,
+    SHIFT,
+):
+    """Density rate (kg/m³/s) and acceleration (m/s²) of particle i.
+
+    ``shift`` receives the sum of :mod:`particell.laws.shifting` (with the forces).
+    ``transverse``, ``radial`` and ``thermal`` (k_B T) are tables by group; ``diffusion`` is
+    2 δ h c₀ by group. ``inverse_dt`` is 1/dt, by which the squared noise grows. The arrays ``near…``
+    are the batch: differences of position and velocity, the neighbour's ``matter``, the factor of
+    a wall's difference of velocity, the pair's support, its friction coefficients and k_B T where
+    they differ, the neighbour's id.
+    """
+    if is_wall[i]:
+        for d in range(DIM):
+            if FORCE:
+                a[i, d] = 0.0
+        if DENSITY:
+            density_rate[i] = 0.0
+        return
+    # unsigned numbers spare the test for negative indices
+    own = np.uint64(i) * np.uint64(RECORD)
+    xi = record[own]
+    yi = record[own + np.uint64(1)] if DIM > 1 else 0.0
+    zi = record[own + np.uint64(2)] if DIM > 2 else 0.0
+    ui = record[own + np.uint64(DIM)]
+    vi = record[own + np.uint64(DIM + 1)] if DIM > 1 else 0.0
+    wi = record[own + np.uint64(DIM + 2)] if DIM > 2 else 0.0
+    wraps = crosses[i] != 0
+    g = group[i]
+    hi = support[i]
+    inverse_h = 1.0 / hi
+    scale = alpha * inverse_h * inverse_h / power(hi, DIM)
+    reach2 = hi * hi
+    density_i = record[own + np.uint64(MATTER)]
+    volume_i = record[own + np.uint64(MATTER + 1)]
+    inverse_mass = 1.0 / record[own + np.uint64(MATTER + 2)]
+    term_i = record[own + np.uint64(MATTER + 3)]
+    inverse_density = volume_i * inverse_mass
+    transverse_ij = transverse[g]
+    radial_ij = radial[g]
+    strength = 2.0 * thermal[g] * inverse_dt
+    id_i = id[i]
+    ax, ay, az = 0.0, 0.0, 0.0
+    expansion, spread = 0.0, 0.0
+    sx, sy, sz = 0.0, 0.0, 0.0
+    dy, dz, dv, dw = 0.0, 0.0, 0.0, 0.0
+    width = np.uint64(2 * DIM)
+    # the numbers of ``matter`` that are used, V at v_at: a gap would be vectorised by gathers
+    v_at = np.uint64(1) if DELTA and DENSITY else np.uint64(0)
+    fields = v_at + (np.uint64(3) if FORCE else np.uint64(1))
+    row = batch_row(i) * np.uint64(BATCH)
+    first_wall = np.uint64(split[i])
+    last = np.uint64(stop[i]) if WALLS else first_wall
+    begin = np.uint64(start[i])
+    while begin < last:
+        end = min(last, begin + np.uint64(BATCH))
+        c = row
+        for k in range(begin, end):
+            j = neighbours[k]
+            other = np.uint64(j) * np.uint64(RECORD)
+            dx = xi - record[other]
+            if wraps:
+                dx -= period[0] * nearest_whole(dx * inverse_period[0])
+            du = ui - record[other + np.uint64(DIM)]
+            r2 = dx * dx
+            if DIM > 1:
+                dy = yi - record[other + np.uint64(1)]
+                if wraps:
+                    dy -= period[1] * nearest_whole(dy * inverse_period[1])
+                dv = vi - record[other + np.uint64(DIM + 1)]
+                r2 += dy * dy
+            if DIM > 2:
+                dz = zi - record[other + np.uint64(2)]
+                if wraps:
+                    dz -= period[2] * nearest_whole(dz * inverse_period[2])
+                dw = wi - record[other + np.uint64(DIM + 2)]
+                r2 += dz * dz
+            at = c * width
+            near[at] = dx
+            if DIM == 1:
+                near[at + np.uint64(1)] = du
+            if DIM == 2:
+                near[at + np.uint64(1)] = dy
+                near[at + np.uint64(2)] = du
+                near[at + np.uint64(3)] = dv
+            if DIM == 3:
+                near[at + np.uint64(1)] = dy
+                near[at + np.uint64(2)] = dz
+                near[at + np.uint64(3)] = du
+                near[at + np.uint64(4)] = dv
+                near[at + np.uint64(5)] = dw
+            to = c * fields
+            if DELTA and DENSITY:
+                near_matter[to] = record[other + np.uint64(MATTER)]
+            near_matter[to + v_at] = record[other + np.uint64(MATTER + 1)]
+            if FORCE:
+                near_matter[to + v_at + np.uint64(1)] = record[other + np.uint64(MATTER + 2)]
+                near_matter[to + v_at + np.uint64(2)] = record[other + np.uint64(MATTER + 3)]
+            if NOISE:
+                near_id[c] = id[j]
+            if not UNIFORM:
+                h = 0.5 * (hi + support[j])
+                near_support[c] = h
+                reach2 = h * h
+            gj = group[j]
+            if WALLS:
+                grow = 1.0
+                if k >= first_wall:
+                    depth = wall_depth[j]
+                    nx = wall_normal[j, 0]
+                    ny = wall_normal[j, 1] if DIM > 1 else 0.0
+                    nz = wall_normal[j, 2] if DIM > 2 else 0.0
+                    distance = surface_distance(
+                        dx - depth * nx,
+                        dy - depth * ny,
+                        dz - depth * nz,
+                        nx,
+                        ny,
+                        nz,
+                        wall_curvature[j],
+                    )
+                    grow = extrapolation(distance, depth, hi)
+                    if DELTA and DENSITY:
+                        near_matter[to] = density_i  # walls take no part in δ
+                    gj = g  # and have the friction of the fluid
+                near_wall[c] = grow
+            if MIXED:
+                along_i = transverse[g] + radial[g]
+                along_j = transverse[gj] + radial[gj]
+                across_ij = harmonic_mean(transverse[g], transverse[gj])
+                put = c * np.uint64(MIXTURE)
+                near_mixture[put] = across_ij
+                near_mixture[put + np.uint64(1)] = harmonic_mean(along_i, along_j) - across_ij
+                near_mixture[put + np.uint64(2)] = harmonic_mean(thermal[g], thermal[gj])
+            c += np.uint64(r2 < reach2)
+        filled = row + whole_lanes(c - row, BATCH)
+        for q in range(c, filled):  # outside the support: without effect
+            near[q * width] = 2.0 * hi
+            if not UNIFORM:
+                near_support[q] = hi
+        for q in range(row, filled):
+            at = q * width
+            dx = near[at]
+            du = near[at + np.uint64(DIM)]
+            r2 = dx * dx
+            if DIM > 1:
+                dy = near[at + np.uint64(1)]
+                dv = near[at + np.uint64(DIM + 1)]
+                r2 += dy * dy
+            if DIM > 2:
+                dz = near[at + np.uint64(2)]
+                dw = near[at + np.uint64(DIM + 2)]
+                r2 += dz * dz
+            if WALLS:
+                grow = near_wall[q]
+                du *= grow
+                dv *= grow
+                dw *= grow
+            vx = du * dx + dv * dy + dw * dz
+            r = math.sqrt(r2)
+            if UNIFORM:
+                f = scale * shape_f(r * inverse_h, KERNEL)
+            else:
+                inverse = 1.0 / near_support[q]
+                f = alpha * power(inverse, DIM) * inverse * inverse * shape_f(r * inverse, KERNEL)
+            to = q * fields
+            volume_j = near_matter[to + v_at]
+            weight = volume_j * f
+            if DENSITY:
+                expansion += divergence(weight, vx)
+                if DELTA:
+                    density_j = near_matter[to]
+                    spread += density_diffusion(weight, density_i, density_j)
+            if FORCE:
+                mass_j = near_matter[to + v_at + np.uint64(1)]
+                term_j = near_matter[to + v_at + np.uint64(2)]
+                if MIXED:
+                    put = q * np.uint64(MIXTURE)
+                    transverse_ij = near_mixture[put]
+                    radial_ij = near_mixture[put + np.uint64(1)]
+                    strength = 2.0 * near_mixture[put + np.uint64(2)] * inverse_dt
+                friction = pair_friction(weight, inverse_density)
+                along = pressure_acceleration(mass_j, term_i, term_j, f)
+                across = transverse_ij * friction
+                if RADIAL:
+                    inverse_r = 1.0 / (r + TINY)
+                    along -= radial_ij * friction * vx * inverse_r * inverse_r
+                if NOISE:
+                    n0, n1, n2 = pair_numbers(id_i, near_id[q], step, key0, key1, GAUSSIAN, DIM)
+                    fading = friction * inverse_mass * strength
+                    if WALLS:  # friction with a wall is 'grow' times larger: so is noise squared
+                        fading *= grow
+                    s, s_radial = noise_amplitudes(transverse_ij, radial_ij, fading)
+                    if RADIAL:
+                        projected = (n0 * dx + n1 * dy + n2 * dz) * inverse_r
+                        along += (s_radial - s) * projected * inverse_r
+                    ax += s * n0
+                    ay += s * n1
+                    az += s * n2
+                ax += along * dx - across * du
+                ay += along * dy - across * dv
+                az += along * dz - across * dw
+                if SHIFT:
+                    push = crowding(volume_i, volume_j, f)
+                    sx += push * dx
+                    sy += push * dy
+                    sz += push * dz
+        begin = end
+    if DENSITY:
+        density_rate[i] = -density_i * expansion + diffusion[g] * spread
+    if SHIFT:
+        shift[i, 0] = sx
+        if DIM > 1:
+            shift[i, 1] = sy
+        if DIM > 2:
+            shift[i, 2] = sz
+    if FORCE:
+        a[i, 0] = ax + gravity[0]
+        if DIM > 1:
+            a[i, 1] = ay + gravity[1]
+        if DIM > 2:
+            a[i, 2] = az + gravity[2]

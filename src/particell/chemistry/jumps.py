@@ -36,11 +36,22 @@ import numpy as np
 from numba import njit
 from scipy.special import gammainc
 
-from particell.chemistry.binomial import binomial, conditional_binomial, poisson
+from particell.chemistry.binomial import (
+    binomial,
+    conditional_binomial,
+    poisson,
+    stochastic_round,
+)
 from particell.compute.loop import particle_loop
 from particell.compute.philox import philox, uniform32
 from particell.compute.scatter import scatter_add
-from particell.laws.diffusion import pair_f, separation_square, surface_factor
+from particell.laws.diffusion import (
+    exchange_velocity,
+    pair_f,
+    separation_square,
+    surface_factor,
+    wall_distance,
+)
 from particell.materials import AVOGADRO
 
 #: Cost of one binomial draw in units of one walked molecule: decides between the two ways.
@@ -69,9 +80,16 @@ def jump_rates(
     pair_kappa,
     status,
     value,
+    inward,
+    transfer,
+    diffusivity,
+    receives,
+    wall_scale,
     wall_normal,
     wall_depth,
     wall_curvature,
+    s,
+    continuous,
     cumulative,
     leave_rate,
     inflow,
@@ -81,13 +99,17 @@ def jump_rates(
     UNIFORM,
     NORMALISE,
     SURFACE,
+    FLUX,
+    SWITCH,
 ):
     """Cumulative jump rates along row i, their total, and the stream that comes in from outside.
 
     ``leave_rate`` is 0 where molecules vanish (reservoirs, walls with a value). ``inflow`` is in
-    molecules/s from walls with a value; for a reservoir in 1/s, for each of its molecules.
+    molecules/s from walls with a value or a flux; for a reservoir in 1/s, for each of its
+    molecules. With ``SWITCH`` what is exchanged between amounts (and with walls) is left out.
     """
     g = group[i]
+    is_amount = SWITCH and continuous[i, s] != 0
     h = support[i]
     rate = 0.0
     stream = 0.0
@@ -100,6 +122,8 @@ def jump_rates(
         part = 2.0 * pair_kappa[g, other] * volume[j] * pair_f(r2, h, alpha, DIM, KERNEL)
         if NORMALISE:
             part *= 2.0 / (kernel_sum[i] + kernel_sum[j])
+        if SWITCH and is_amount and (continuous[j, s] != 0 or status[other] >= 2):
+            part = 0.0
         if SURFACE and status[other] == 2 and part > 0.0:
             part *= surface_factor(
                 x,
@@ -114,6 +138,26 @@ def jump_rates(
                 DIM,
             )
             stream += part * value[other]
+        if FLUX and status[other] == 3 and receives[g] != 0 and not is_amount:
+            distance = wall_distance(
+                x,
+                support,
+                wall_normal,
+                wall_depth,
+                wall_curvature,
+                i,
+                j,
+                period,
+                inverse_period,
+                DIM,
+            )
+            part = 2.0 * volume[j] * pair_f(r2, h, alpha, DIM, KERNEL)
+            if NORMALISE:
+                part *= 2.0 / (kernel_sum[i] + kernel_sum[j])
+            part *= (distance + wall_depth[j]) * wall_scale[other]
+            speed = exchange_velocity(transfer[other], diffusivity[g], distance)
+            stream += part * (inward[other] + speed * value[other])
+            part *= speed
         rate += part
         cumulative[k] = rate
     total = 0.0
@@ -168,17 +212,29 @@ def move(
     moving,
     landed,
     counters,
+    column,
+    quantum,
+    continuous,
+    amount,
+    *,
+    SWITCH,
 ):
     """Round m for the molecules of particle i: those it holds (m = 0), or those that arrived.
 
     Molecules whose walk is over are added to ``landed``, those that may have further candidates
     to ``moving``; both have shape (threads, n). ``stream`` tells apart the sets of rounds of one
-    step (species; residents and those from outside).
+    step (species; residents and those from outside). With ``SWITCH`` particle i may hold an amount
+    (in ``column``) instead, which sends and takes molecules of ``quantum`` mol each.
 
     The walk of a molecule is written out here and in :func:`enter`: as a function that takes
     arrays it would be slower by half, Numba counting references of each array in every call.
     """
     number = count[i, s] if m == 0 else arrived[i]
+    worth = 0.0
+    if SWITCH and continuous[i, s] != 0 and m == 0:
+        worth = amount[i, column] / quantum
+        last = np.uint64(stream * 65536 + 65535)  # no round has this number
+        number = stochastic_round(worth, np.uint64(id[i]), np.uint64(step), last, key0, key1)
     if number == 0:
         return
     if status[group[i]] != 0:
@@ -194,7 +250,13 @@ def move(
     p = -math.expm1(-leave * tau)
     timed = m == 0 and (leave == 0.0 or number * p < limit * max(1.0, fastest * tau))
     going, block = binomial(number, p if timed else further[m], c0, c1, c2, 0, key0, key1)
-    if m == 0:
+    if SWITCH and continuous[i, s] != 0:
+        if m == 0:
+            going = min(going, np.int64(math.floor(worth)))
+            amount[i, column] = max(0.0, amount[i, column] - going * quantum)
+        else:
+            amount[i, column] += (number - going) * quantum
+    elif m == 0:
         count[i, s] -= going
     else:
         count[i, s] += number - going
@@ -348,13 +410,29 @@ def collect(i, moving, arrived):
 
 
 @particle_loop
-def settle(i, s, group, status, landed, count, count_booked):
+def settle(
+    i,
+    s,
+    group,
+    status,
+    landed,
+    count,
+    count_booked,
+    column,
+    quantum,
+    continuous,
+    amount,
+    *,
+    SWITCH,
+):
     """Give particle i the molecules whose walk ended there; absorbed ones are booked."""
     total = 0
     for thread in range(landed.shape[0]):
         total += landed[thread, i]
         landed[thread, i] = 0
-    if status[group[i]] == 0:
+    if SWITCH and continuous[i, s] != 0:
+        amount[i, column] += total * quantum
+    elif status[group[i]] == 0:
         count[i, s] += total
     else:
         count_booked[i, s] -= total

@@ -130,8 +130,9 @@ class Chemistry(Contents):
         self._amounts = table_fields(device, self.deterministic, receives)
         self._counts = table_fields(device, self.stochastic, receives)
         self._jump_tables = shared_jump_tables(device, self.stochastic, receives)
-        self._walls = [b for b in boundaries if isinstance(b, FluxWall)]
-        self._areas: dict[int, float] = {}
+        walls = [b for b in boundaries if isinstance(b, FluxWall)]
+        self._areas = fluxes.wall_areas(particles, neighbours.domain, walls, self.depth)
+        self._scale = np.zeros(len(particles.groups))
         self._laws = {
             "C, k": dispatcher(self.deterministic.laws, "C, k"),
             "N, V, k": dispatcher(self.stochastic.laws, "N, V, k"),
@@ -281,11 +282,6 @@ class Chemistry(Contents):
         f = self._fields
         if self._jump_tables:
             f["cumulative"] = self.device.zeros(len(rows), np.float32)
-        if self._walls and not self._areas:
-            self._areas = fluxes.wall_areas(
-                self.device, self.particles, self.neighbours, self._walls, self.depth
-            )
-            self._scale = np.zeros(len(self.particles.groups))
         common = {**self.neighbours.fields, **self.particles.fields, **f}
         amounts = {**common, **self._amounts}
         counts = {**common, **self._counts}

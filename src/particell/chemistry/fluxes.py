@@ -26,12 +26,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from particell.chemistry.reservoirs import FluxWall
-from particell.compute.device import Device
 from particell.compute.loop import particle_loop
-from particell.compute.neighbours import NeighbourList
 from particell.errors import InputError
+from particell.geometry.domain import Domain
 from particell.laws.diffusion import pair_f, separation_square, wall_distance
 from particell.particles import Particles
 
@@ -94,32 +94,32 @@ def facing_area(
 
 
 def wall_areas(
-    device: Device,
-    particles: Particles,
-    neighbours: NeighbourList,
-    walls: Sequence[FluxWall],
-    depth: float,
+    particles: Particles, domain: Domain, walls: Sequence[FluxWall], depth: float
 ) -> dict[int, float]:
     """Area (per depth of missing dimensions) of each flux wall, by the number of its group.
 
     Raises
     ------
     InputError
-        For a wall whose particles know no surface.
+        For a wall whose particles know no surface, or that no fluid touches.
     """
     found: dict[int, float] = {}
+    if not walls:
+        return found
     dim = particles.dim
     names = [g.name for g in particles.groups]
-    start, stop = (device.to_host(neighbours.fields[name]) for name in ("start", "stop"))
-    rows = device.to_host(neighbours.fields["neighbours"])
-    fluid = particles.host("is_wall") == 0
-    # rows of fluid particles name the walls that they see
-    seen = np.zeros(particles.n, dtype=bool)
-    for i in np.flatnonzero(fluid):
-        seen[rows[start[i] : stop[i]]] = True
+    x = np.array(particles.host("x"), dtype=float)
+    around = domain.periodic
+    x[:, around] = (x - domain.lower)[:, around] % domain.lengths[around]
+    # a box of length 0 is not periodic
+    fluid = cKDTree(
+        x[particles.host("is_wall") == 0], boxsize=np.where(around, domain.lengths, 0.0)
+    )
+    reach = float(particles.host("support").max())
     for wall in walls:
         g = names.index(wall.group)
-        chosen = (particles.host("group") == g) & seen
+        chosen = particles.host("group") == g
+        chosen[chosen] = fluid.query(x[chosen], distance_upper_bound=reach)[0] < reach
         volume = particles.host("mass")[chosen] / particles.host("density")[chosen]
         d = particles.host("wall_depth")[chosen]
         spacing = volume ** (1.0 / dim)

@@ -43,29 +43,29 @@ def work_columns(species: int, reactions: int) -> int:
 
 
 @njit(**INNER)
-def reaction_rate(r, work, lane, at, n, k, reactants, law, choose):
-    """Rate of reaction r in mol/m³/s, of the concentrations at ``work[lane, at:at+n]``."""
+def reaction_rate(r, w, at, n, k, reactants, law, choose):
+    """Rate of reaction r in mol/m³/s, of the concentrations at ``w[at:at+n]``."""
     if choose is not None:  # noqa: SIM102 - decided at compile time
         if law[r] > 0:
-            return choose(law[r] - 1, work[lane, at : at + n], k)
+            return choose(law[r] - 1, w[at : at + n], k)
     rate = k
     for f in range(reactants.shape[1]):
         if reactants[r, f] >= 0:
-            rate *= work[lane, at + reactants[r, f]]
+            rate *= w[at + reactants[r, f]]
     return rate
 
 
 @njit(**INNER)
-def rate_slope(r, s, work, lane, n, k, size, reactants, law, choose):
-    """Derivative of the rate of reaction r with respect to species s at ``work[lane, 0:n]``."""
+def rate_slope(r, s, w, n, k, size, reactants, law, choose):
+    """Derivative of the rate of reaction r with respect to species s at ``w[0:n]``."""
     if choose is not None:  # noqa: SIM102 - decided at compile time
         if law[r] > 0:
-            kept = work[lane, s]
+            kept = w[s]
             step = 1e-7 * max(kept, 1e-3 * size)
-            low = choose(law[r] - 1, work[lane, 0:n], k)
-            work[lane, s] = kept + step
-            high = choose(law[r] - 1, work[lane, 0:n], k)
-            work[lane, s] = kept
+            low = choose(law[r] - 1, w[0:n], k)
+            w[s] = kept + step
+            high = choose(law[r] - 1, w[0:n], k)
+            w[s] = kept
             return (high - low) / step
     slope = 0.0
     for f in range(reactants.shape[1]):
@@ -73,18 +73,18 @@ def rate_slope(r, s, work, lane, n, k, size, reactants, law, choose):
             product = k
             for other in range(reactants.shape[1]):
                 if other != f and reactants[r, other] >= 0:
-                    product *= work[lane, reactants[r, other]]
+                    product *= w[reactants[r, other]]
             slope += product
     return slope
 
 
 @njit(**INNER)
-def integrate(work, lane, n, tau, reactants, net, law, choose):
+def integrate(w, n, tau, reactants, net, law, choose):
     """Integrate the lane's concentrations over tau; the sub-steps, -1 where it does not succeed.
 
-    The lane's row of ``work`` holds the concentrations, four stages, the argument of the rates
-    (in the end the new concentrations), the pivots, from 8 n on the matrix, and the rate constants
-    (0 where a reaction does not take place).
+    The lane's row of scratch memory w holds the concentrations, four stages, the argument of the
+    rates (in the end the new concentrations), the pivots, from 8 n on the matrix, and the rate
+    constants (0 where a reaction does not take place).
 
     One function without repetitions, as Numba compiles every function and every call of it anew:
     the stages share one text, and the matrix is made when the first one's rates are known.
@@ -92,7 +92,7 @@ def integrate(work, lane, n, tau, reactants, net, law, choose):
     argument, pivots, matrix, rates = 5 * n, 6 * n, 8 * n, 8 * n + n * n
     size = 0.0
     for s in range(n):
-        size = max(size, work[lane, s])
+        size = max(size, w[s])
     left = tau
     h = tau
     steps = 0
@@ -104,93 +104,87 @@ def integrate(work, lane, n, tau, reactants, net, law, choose):
         for stage in range(4):
             u = (stage + 1) * n
             for s in range(n):
-                value = work[lane, s]
+                value = w[s]
                 if stage >= 2:
-                    value += 2.0 * work[lane, n + s]
+                    value += 2.0 * w[n + s]
                 if stage == 3:
-                    value += work[lane, 3 * n + s]
-                work[lane, argument + s] = value
-                work[lane, u + s] = 0.0
+                    value += w[3 * n + s]
+                w[argument + s] = value
+                w[u + s] = 0.0
             for r in range(len(net)):
-                k = work[lane, rates + r]
+                k = w[rates + r]
                 if k > 0.0:
-                    value = reaction_rate(r, work, lane, argument, n, k, reactants, law, choose)
+                    value = reaction_rate(r, w, argument, n, k, reactants, law, choose)
                     for s in range(n):
-                        work[lane, u + s] += net[r, s] * value
+                        w[u + s] += net[r, s] * value
             if stage == 0:
                 if steps == 1:
                     fastest = 0.0
                     for s in range(n):
-                        fastest = max(fastest, abs(work[lane, u + s]))
+                        fastest = max(fastest, abs(w[u + s]))
                     if fastest == 0.0:
                         return 0
                     if size == 0.0:
                         size = fastest * tau
                 # 2/h - J (RODAS3 has γ = 1/2) and its LU factors, with row exchanges, in place
                 for k in range(n * n):
-                    work[lane, matrix + k] = 0.0
+                    w[matrix + k] = 0.0
                 for s in range(n):
-                    work[lane, matrix + s * n + s] = 2.0 / h
+                    w[matrix + s * n + s] = 2.0 / h
                 for r in range(len(net)):
-                    k = work[lane, rates + r]
+                    k = w[rates + r]
                     if k > 0.0:
                         for s in range(n):
-                            slope = rate_slope(r, s, work, lane, n, k, size, reactants, law, choose)
+                            slope = rate_slope(r, s, w, n, k, size, reactants, law, choose)
                             for row in range(n):
-                                work[lane, matrix + row * n + s] -= net[r, row] * slope
+                                w[matrix + row * n + s] -= net[r, row] * slope
                 for k in range(n):
                     best = k
                     diagonal = matrix + k * n
                     for row in range(k + 1, n):
-                        if abs(work[lane, matrix + row * n + k]) > abs(
-                            work[lane, matrix + best * n + k]
-                        ):
+                        if abs(w[matrix + row * n + k]) > abs(w[matrix + best * n + k]):
                             best = row
-                    work[lane, pivots + k] = best
+                    w[pivots + k] = best
                     for col in range(n):
-                        kept = work[lane, diagonal + col]
-                        work[lane, diagonal + col] = work[lane, matrix + best * n + col]
-                        work[lane, matrix + best * n + col] = kept
+                        kept = w[diagonal + col]
+                        w[diagonal + col] = w[matrix + best * n + col]
+                        w[matrix + best * n + col] = kept
                     for row in range(k + 1, n):
-                        factor = work[lane, matrix + row * n + k] / work[lane, diagonal + k]
-                        work[lane, matrix + row * n + k] = factor
+                        factor = w[matrix + row * n + k] / w[diagonal + k]
+                        w[matrix + row * n + k] = factor
                         for col in range(k + 1, n):
-                            work[lane, matrix + row * n + col] -= (
-                                factor * work[lane, diagonal + col]
-                            )
+                            w[matrix + row * n + col] -= factor * w[diagonal + col]
             for s in range(n):
-                earlier = 4.0 * work[lane, n + s] if stage == 1 else 0.0
+                earlier = 4.0 * w[n + s] if stage == 1 else 0.0
                 if stage >= 2:
-                    earlier = work[lane, n + s] - work[lane, 2 * n + s]
+                    earlier = w[n + s] - w[2 * n + s]
                 if stage == 3:
-                    earlier -= 8.0 / 3.0 * work[lane, 3 * n + s]
-                work[lane, u + s] += earlier / h
+                    earlier -= 8.0 / 3.0 * w[3 * n + s]
+                w[u + s] += earlier / h
             for k in range(n):
-                best = u + int(work[lane, pivots + k])
-                kept = work[lane, u + k]
-                work[lane, u + k] = work[lane, best]
-                work[lane, best] = kept
+                best = u + int(w[pivots + k])
+                kept = w[u + k]
+                w[u + k] = w[best]
+                w[best] = kept
             for k in range(n):
                 for row in range(k + 1, n):
-                    work[lane, u + row] -= work[lane, matrix + row * n + k] * work[lane, u + k]
+                    w[u + row] -= w[matrix + row * n + k] * w[u + k]
             for back in range(n):
                 k = n - 1 - back
-                work[lane, u + k] /= work[lane, matrix + k * n + k]
+                w[u + k] /= w[matrix + k * n + k]
                 for row in range(k):
-                    work[lane, u + row] -= work[lane, matrix + row * n + k] * work[lane, u + k]
+                    w[u + row] -= w[matrix + row * n + k] * w[u + k]
         error = 0.0
         for s in range(n):
-            new = work[lane, argument + s] + work[lane, 4 * n + s]
-            work[lane, argument + s] = new
-            tolerance = (
-                RELATIVE_TOLERANCE * max(work[lane, s], abs(new)) + ABSOLUTE_TOLERANCE * size
-            )
-            error = max(error, abs(work[lane, 4 * n + s]) / tolerance)
+            new = w[argument + s] + w[4 * n + s]
+            w[argument + s] = new
+            tolerance = RELATIVE_TOLERANCE * max(w[s], abs(new)) + ABSOLUTE_TOLERANCE * size
+            error = max(error, abs(w[4 * n + s]) / tolerance)
             if not new >= -ROUND_OFF * size:
                 error = math.inf
         if error <= 1.0:
             for s in range(n):
-                work[lane, s] = max(work[lane, argument + s], 0.0)
+                w[s] = max(w[argument + s], 0.0)
             left = 0.0 if last else left - h
             h *= min(6.0, 0.9 * max(error, 1e-6) ** (-1.0 / 3.0))
         elif error < math.inf:
@@ -230,29 +224,30 @@ def react(
     """
     row = np.int64(lane)
     lanes = work.shape[0]
+    w = work[row]
     most = 0
     failed = False
     n = amount.shape[1]
     rates = 8 * n + n * n
     for i in range(row * rows // lanes, (row + 1) * rows // lanes):
         for s in range(n):
-            work[row, s] = amount[i, s] / volume[i]
+            w[s] = amount[i, s] / volume[i]
         for r in range(rate.shape[1]):
-            work[row, rates + r] = rate[group[i], r]
+            w[rates + r] = rate[group[i], r]
         if SWITCH:
             for s in range(n):
                 if partner[s] >= 0 and continuous[i, partner[s]] == 0:
-                    work[row, s] = 0.0
+                    w[s] = 0.0
                     for r in range(rate.shape[1]):
                         if takes_part[r, s] != 0:
-                            work[row, rates + r] = 0.0
-        steps = integrate(work, row, n, tau, reactants, net, law, LAW)
+                            w[rates + r] = 0.0
+        steps = integrate(w, n, tau, reactants, net, law, LAW)
         failed = failed or steps < 0
         most = max(most, steps)
         if steps != 0:
             for s in range(n):
                 if SWITCH and partner[s] >= 0 and continuous[i, max(partner[s], 0)] == 0:
                     continue
-                change = work[row, s] - amount[i, s] / volume[i]
+                change = w[s] - amount[i, s] / volume[i]
                 amount[i, s] = max(0.0, amount[i, s] + change * volume[i])
     substeps[row] = -1 if failed else most

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from particell.chemistry import jumps
+from particell.chemistry.jumprates import jump_rates
 from particell.compute.device import Device
 from particell.compute.reduce import Reduction
 from particell.errors import RunError
@@ -83,7 +84,7 @@ class Walks:
     def _bind(self) -> None:
         bind, f = self.device.bind, self._fields
         switch = {"SWITCH": self._constants["SWITCH"]}
-        self.rates = bind(jumps.jump_rates, {**f, "s": self.columns[0]}, **self._constants)
+        self.rates = bind(jump_rates, {**f, "s": self.columns[0]}, **self._constants)
         self.moves = [bind(jumps.move, {**f, "further": t.array}, **switch) for t in self._tables]
         self.enter = bind(jumps.enter, f)
         self.collect = bind(jumps.collect, f)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from particell.boundaries.reflection import Reflection
     from particell.boundaries.sponge import Sponge
     from particell.chemistry.reactions import Reaction
-    from particell.chemistry.reservoirs import FixedValueWall, Reservoir
+    from particell.chemistry.reservoirs import FixedValueWall, FluxWall, Reservoir
     from particell.chemistry.species import Species
     from particell.compute.device import Device
     from particell.errors import InputError, Interrupted, RunError
@@ -46,6 +46,7 @@ _HOME = {
     "Device": "compute.device",
     "Domain": "geometry.domain",
     "FixedValueWall": "chemistry.reservoirs",
+    "FluxWall": "chemistry.reservoirs",
     "Fluid": "materials",
     "HalfSpace": "geometry.shapes",
     "InputError": "errors",
@@ -82,6 +83,7 @@ __all__ = [
     "Domain",
     "FixedValueWall",
     "Fluid",
+    "FluxWall",
     "HalfSpace",
     "InputError",
     "Interrupted",

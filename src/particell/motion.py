@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -41,6 +41,7 @@ class Constraints:
         if self.sponges:
             particles.add("sponge_share")
         self._seen = 0
+        self._bound = False
 
     def renew(self) -> None:
         """Evaluate the sponges' targets at the particles' positions."""
@@ -61,37 +62,34 @@ class Constraints:
     def reflect(self) -> None:
         """Mirror what has crossed a reflecting surface."""
         if self.surfaces:
-            run, n, extra = self._loop(reflect, DIM=self.simulation.domain.dim)
-            extra |= {"surfaces": self._table, "number": len(self.surfaces)}
-            run(n, *(extra[name] for name in reflect.arguments))
+            self._bind()
+            self._reflect(len(self.simulation.particles))
 
     def relax(self, step: int, dt: float) -> None:
         """Bring velocities in sponges towards their targets."""
-        if self.sponges and self._seen != self.simulation.neighbours.builds:
+        if not self.sponges:
+            return
+        if self._seen != self.simulation.neighbours.builds:
             self.renew()
-        for k, sponge in enumerate(self.sponges):
-            if sponge.velocity is None:
-                continue
-            dim = self.simulation.domain.dim
-            run, n, extra = self._loop(relax_velocity, DIM=dim, AXIS=sponge.axis)
-            extra |= self._zone(sponge, dt)
-            extra["target"] = self.simulation.particles[f"sponge_velocity_{k}"]
-            run(n, *(extra[name] for name in relax_velocity.arguments))
+        self._bind()
+        for sponge, relax in zip(self.sponges, self._relaxations, strict=True):
+            if relax is not None:
+                relax(len(self.simulation.particles), dt / sponge.time)
 
     def relax_species(self, step: int, tau: float) -> None:
         """Bring species in sponges towards their targets; what they gain is booked."""
         chemistry = self.simulation.chemistry
-        if chemistry is None:
+        if chemistry is None or not self.sponges:
             return
-        for k, sponge in enumerate(self.sponges):
+        self._bind()
+        particles = self.simulation.particles
+        for k, (sponge, share) in enumerate(zip(self.sponges, self._shares, strict=True)):
             if not sponge.species:
                 continue
-            run, n, extra = self._loop(share_of_target, AXIS=sponge.axis)
-            extra |= self._zone(sponge, tau)
-            run(n, *(extra[name] for name in share_of_target.arguments))
+            share(len(particles), tau / sponge.time)
             for name in sponge.species:
-                target = self.simulation.particles[f"sponge_{name}_{k}"]
-                chemistry.relax(name, self.simulation.particles["sponge_share"], target, step)
+                target = particles[f"sponge_{name}_{k}"]
+                chemistry.relax(name, particles["sponge_share"], target, step)
 
     def count(self) -> int:
         """How often particles were reflected."""
@@ -99,18 +97,31 @@ class Constraints:
             return 0
         return int(self.simulation.particles.host("reflections").sum())
 
-    def _zone(self, sponge: Sponge, dt: float) -> dict[str, float]:
-        return {
-            "start": sponge.start,
-            "end": sponge.end,
-            "exponent": float(sponge.exponent),
-            "dt_over_time": dt / sponge.time,
-        }
-
-    def _loop(self, loop: Any, **constants: Any) -> tuple[Any, int, dict[str, Any]]:
+    def _bind(self) -> None:
+        """Look up the loops' arrays; they stay the same as long as the simulation lives."""
+        if self._bound:
+            return
+        self._bound = True
         s = self.simulation
-        run = loop.specialise(s.device.backend, **constants)
-        return run, len(s.particles), {**s.neighbours.fields, **s.particles.fields}
+        bind, dim = s.device.bind, s.domain.dim
+        fields = {**s.neighbours.fields, **s.particles.fields}
+        table = {"surfaces": self._table, "number": len(self.surfaces)}
+        self._reflect = bind(reflect, {**fields, **table}, DIM=dim)
+        self._relaxations: list[Callable[..., None] | None] = []
+        self._shares = []
+        for k, sponge in enumerate(self.sponges):
+            zone = {
+                "start": sponge.start,
+                "end": sponge.end,
+                "exponent": float(sponge.exponent),
+            }
+            own = {**fields, **zone}
+            self._shares.append(bind(share_of_target, own, AXIS=sponge.axis))
+            relax = None
+            if sponge.velocity is not None:
+                own["target"] = s.particles[f"sponge_velocity_{k}"]
+                relax = bind(relax_velocity, own, DIM=dim, AXIS=sponge.axis)
+            self._relaxations.append(relax)
 
 
 class Forces:
@@ -118,34 +129,39 @@ class Forces:
 
     def __init__(self, simulation: Simulation, forces: Sequence[Buoyancy]):
         self.simulation, self.forces = simulation, list(forces)
-        self._strengths = []
         dim = simulation.domain.dim
+        known = simulation.chemistry.species if simulation.chemistry else {}
         for force in self.forces:
-            if simulation.chemistry is None or force.species not in simulation.chemistry.species:
-                known = simulation.chemistry.species if simulation.chemistry else {}
+            if force.species not in known:
                 raise InputError("species", force.species, f"one of {', '.join(known) or 'none'}")
+            if known[force.species].switches:
+                raise InputError("species", force.species, "one without switch_above, in a force")
             if len(force.gravity) != dim:
                 raise InputError("gravity", force.gravity, f"{dim} numbers")
-            strength = -force.expansion * np.array(force.gravity, dtype=float)
-            self._strengths.append(simulation.device.array(strength))
+        self._loops: list[Callable[..., None]] | None = None
 
     def apply(self) -> None:
         """Add all forces to the particles' accelerations."""
+        if self._loops is None:
+            self._loops = [self._bind(force) for force in self.forces]
+        for loop in self._loops:
+            loop(len(self.simulation.particles))
+
+    def _bind(self, force: Buoyancy) -> Callable[..., None]:
         simulation = self.simulation
         chemistry, particles = simulation.chemistry, simulation.particles
-        for force, strength in zip(self.forces, self._strengths, strict=True):
-            assert chemistry is not None
-            whole = chemistry.species[force.species].molecules
-            values = {
-                **particles.fields,
-                "content": particles["count" if whole else "amount"],
-                "s": chemistry.column(force.species),
-                "scale": 1.0 / (simulation.depth_factor * AVOGADRO) if whole else 1.0,
-                "reference": force.reference,
-                "strength": strength,
-            }
-            run = add_buoyancy.specialise(simulation.device.backend, DIM=simulation.domain.dim)
-            run(len(particles), *(values[name] for name in add_buoyancy.arguments))
+        assert chemistry is not None
+        whole = chemistry.species[force.species].molecules
+        strength = -force.expansion * np.array(force.gravity, dtype=float)
+        values = {
+            **particles.fields,
+            "content": particles["count" if whole else "amount"],
+            "s": chemistry.column(force.species),
+            "scale": 1.0 / (simulation.depth_factor * AVOGADRO) if whole else 1.0,
+            "reference": force.reference,
+            "strength": simulation.device.array(strength),
+        }
+        return simulation.device.bind(add_buoyancy, values, DIM=simulation.domain.dim)
 
 
 class Monitor:

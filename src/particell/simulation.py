@@ -19,7 +19,7 @@ from particell.boundaries.sponge import Sponge
 from particell.chemistry.engine import Chemistry
 from particell.chemistry.invariants import conserved_totals
 from particell.chemistry.reactions import Reaction
-from particell.chemistry.reservoirs import FixedValueWall, Reservoir
+from particell.chemistry.reservoirs import FixedValueWall, FluxWall, Reservoir
 from particell.chemistry.species import Species
 from particell.compute.device import Device
 from particell.compute.loop import CompileLog, suitable_threads
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from particell.observers import Stop
     from particell.output.run import Run
 
-Boundary = Reflection | Sponge | Reservoir | FixedValueWall
+Boundary = Reflection | Sponge | Reservoir | FixedValueWall | FluxWall
 #: A chemistry step moves particles by at most this part of the support.
 CHEMISTRY_MOTION = 0.1
 
@@ -59,7 +59,7 @@ class Simulation:
     species, reactions
         What the particles carry.
     boundaries
-        Reflecting surfaces, sponges, reservoirs, walls with fixed concentrations.
+        Reflecting surfaces, sponges, reservoirs, walls with fixed concentrations or fluxes.
     forces
         :class:`~particell.laws.buoyancy.Buoyancy`.
     seed
@@ -71,6 +71,9 @@ class Simulation:
     normalise_diffusion
         Divide the diffusion of species by the kernel sum, which makes the effective diffusivity
         exact on every lattice.
+    splitting
+        Of diffusion and reactions: ``"lie"`` (first order) or ``"strang"`` (second order, with two
+        evaluations of the diffusion of concentrations a step).
 
     Attributes
     ----------
@@ -95,6 +98,7 @@ class Simulation:
         dt: float | str = "auto",
         device: Device | None = None,
         normalise_diffusion: bool = False,
+        splitting: str = "lie",
     ):
         if dt != "auto" and not (isinstance(dt, int | float) and dt > 0):
             raise InputError("dt", dt, "positive, or 'auto'")
@@ -125,11 +129,12 @@ class Simulation:
                 self.neighbours,
                 species,
                 reactions,
-                [b for b in boundaries if isinstance(b, Reservoir | FixedValueWall)],
+                [b for b in boundaries if isinstance(b, Reservoir | FixedValueWall | FluxWall)],
                 kernel=scheme.kernel,
                 seed=seed,
                 normalise=normalise_diffusion,
                 depth=self.depth_factor,
+                splitting=splitting,
             )
         elif reactions:
             raise InputError("reactions", list(reactions), "empty without species")

@@ -90,3 +90,39 @@ def one_thread() -> Iterator[None]:
 @pytest.fixture
 def lattice() -> type[Lattice]:
     return Lattice
+
+
+FLUID = Group("fluid", "fluid", 0)
+LEFT, RIGHT = Group("left", "wall", 0), Group("right", "wall", 0)
+
+
+@pytest.fixture
+def wall_lattice() -> Callable[..., Lattice]:
+    """Fluid between two walls of three layers, x = 6/16 and x = 16/16 of the box."""
+    side, length = 16, 1e-5
+    dx = length / side
+
+    def group_of(x):
+        layer = np.floor(x[:, 0] / dx)
+        return np.where(layer < 3, 2, np.where(layer < 6, 1, 0))
+
+    def normal(x):
+        sign = np.where(x[:, 0] < 3 * dx, -1.0, np.where(x[:, 0] < 6 * dx, 1.0, 0.0))
+        return np.stack([sign] + [0 * sign] * (x.shape[1] - 1), axis=1)
+
+    def depth(x):
+        return np.where(x[:, 0] < 3 * dx, x[:, 0], np.where(x[:, 0] < 6 * dx, 6 * dx - x[:, 0], 0))
+
+    walls = {"wall_normal": normal, "wall_depth": depth, "wall_curvature": lambda x: 0 * x[:, 0]}
+
+    def make(**options: Any) -> Lattice:
+        return Lattice(
+            side=side,
+            length=length,
+            groups=(FLUID, LEFT, RIGHT),
+            group_of=group_of,
+            walls=walls,
+            **options,
+        )
+
+    return make

@@ -85,8 +85,9 @@ def build(species, reactions=(), boundaries=()):
 
 def test_names_and_kinds_are_checked():
     a, m = Species("A"), Species("M", molecules=True)
-    with pytest.raises(InputError, match="not supported yet"):
-        build([a, m], [Reaction("A + M -> A", forward=1.0)])
+    law = Reaction("A + M -> A", propensity=lambda N, V, k: k * N[0])
+    with pytest.raises(InputError, match="mass action"):
+        build([a, m], [law])
     with pytest.raises(InputError, match="'A'"):
         build([a], [Reaction("AA -> 0", forward=1.0)])
     with pytest.raises(InputError, match="membrane"):

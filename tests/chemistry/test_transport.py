@@ -23,7 +23,6 @@ LEVEL = 1e-7  # false-alarm rate of each chi-square test
 
 FLUID = Group("fluid", "fluid", 0)
 SOURCE = Group("source", "fluid", 0)
-LEFT, RIGHT = Group("left", "wall", 0), Group("right", "wall", 0)
 
 
 def make(lattice, species, reactions=(), boundaries=(), regime="cost", seed=1, **options):
@@ -151,37 +150,10 @@ def test_reservoir_makes_poisson_numbers(lattice, regime):
     assert_poisson(got, expected)
 
 
-def wall_lattice(lattice, **options):
-    """Fluid between two walls of three layers, x = 6/16 and x = 16/16 of the box."""
-    side, length = 16, 1e-5
-    dx = length / side
-
-    def group_of(x):
-        layer = np.floor(x[:, 0] / dx)
-        return np.where(layer < 3, 2, np.where(layer < 6, 1, 0))
-
-    def normal(x):
-        sign = np.where(x[:, 0] < 3 * dx, -1.0, np.where(x[:, 0] < 6 * dx, 1.0, 0.0))
-        return np.stack([sign, 0 * sign], axis=1)
-
-    def depth(x):
-        return np.where(x[:, 0] < 3 * dx, x[:, 0], np.where(x[:, 0] < 6 * dx, 6 * dx - x[:, 0], 0))
-
-    walls = {"wall_normal": normal, "wall_depth": depth, "wall_curvature": lambda x: 0 * x[:, 0]}
-    return lattice(
-        side=side,
-        length=length,
-        groups=(FLUID, LEFT, RIGHT),
-        group_of=group_of,
-        walls=walls,
-        **options,
-    )
-
-
-def test_linear_profile_between_walls_is_steady(lattice):
+def test_linear_profile_between_walls_is_steady(wall_lattice):
     """Both walls' values are extrapolated exactly, so a linear profile does not change."""
     boundaries = [FixedValueWall("left", {"A": 1.0}), FixedValueWall("right", {"A": 3.0})]
-    chem = make(wall_lattice(lattice), [Species("A", KAPPA)], boundaries=boundaries)
+    chem = make(wall_lattice(), [Species("A", KAPPA)], boundaries=boundaries)
 
     def line(x):
         return 1.0 + 2.0 * (x[:, 0] / 1e-5 - 6 / 16) / (10 / 16)
@@ -195,7 +167,7 @@ def test_linear_profile_between_walls_is_steady(lattice):
     assert (chem.particles.host("amount")[~fluid] == 0).all()
 
 
-def test_molecules_at_walls_follow_the_concentrations(lattice):
+def test_molecules_at_walls_follow_the_concentrations(wall_lattice):
     """From empty: independent Poisson numbers around the mean of the concentrations' equation."""
     scale = 1e-3
     boundaries = [
@@ -203,7 +175,7 @@ def test_molecules_at_walls_follow_the_concentrations(lattice):
         FixedValueWall("right", {"A": 0.0, "M": 0.0}),
     ]
     species = [Species("A", KAPPA), Species("M", KAPPA, molecules=True)]
-    box = wall_lattice(lattice)
+    box = wall_lattice()
     chem = make(
         box, species, boundaries=[boundaries[0], FixedValueWall("right", {"A": 0.0, "M": 0})]
     )

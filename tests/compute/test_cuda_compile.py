@@ -11,11 +11,12 @@ from numba import typeof, types
 from particell.boundaries.reflection import Reflection
 from particell.boundaries.sponge import Sponge
 from particell.chemistry.reactions import Reaction
+from particell.chemistry.reservoirs import FluxWall
 from particell.chemistry.species import Species
 from particell.compute.loop import Loop, cuda_python
 from particell.geometry.domain import Domain
 from particell.geometry.shapes import HalfSpace
-from particell.phases import fluid
+from particell.phases import channel_walls, fluid
 from particell.schemes.static import Static
 from particell.simulation import Simulation
 from systems import UNIT_TEMPERATURE, channel, periodic_lattice, unit_fluid
@@ -77,6 +78,17 @@ def reacting():
     )  # fmt: skip
     made.chemistry.set_concentration("A", 1e-3)
     made.chemistry.set_concentration("B", 1e-3)
+    yield made
+    between = Domain((0, 0), (8e-6, 8e-6), periodic="y", depth=1e-6)
+    walls = channel_walls(between, unit_fluid(density=1000.0), 1e-6, axis=0)
+    phase = fluid(between, unit_fluid(density=1000.0), 1e-6)
+    switching = Species("S", 1e-9, molecules=True, switch_above=100, switch_below=50)
+    made = Simulation(
+        between, [phase, *walls], Static(), species=[*species, switching], dt=1e-5,
+        reactions=[Reaction("A + B <-> S", forward=1.0, backward=1.0)], splitting="strang",
+        boundaries=[FluxWall(walls[0].name, flux={"A": 1e-3, "B": 1e-6, "S": 1e-6})],
+    )  # fmt: skip
+    made.chemistry.set_concentration("S", lambda x: 0.1 + 0.3 * (x[:, 0] > 4e-6))
     yield made
 
 

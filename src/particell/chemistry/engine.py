@@ -1,39 +1,40 @@
-"""Species and reactions on a set of particles: the state, and one split step of it."""
+"""Species and reactions on a set of particles: one split step of them."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from particell.chemistry import jumps, massaction, reservoirs, ssa
-from particell.chemistry.network import Tables, build_tables, dispatcher
+from particell.chemistry import fluxes, jumps, massaction, reservoirs, ssa
+from particell.chemistry.contents import Contents
+from particell.chemistry.network import Boundaries, build_tables, dispatcher
 from particell.chemistry.reactions import Reaction
-from particell.chemistry.reservoirs import HELD, WALL_VALUE, FixedValueWall, Reservoir
+from particell.chemistry.reservoirs import HELD, WALL_FLUX, WALL_VALUE, FluxWall
 from particell.chemistry.species import Species, checked_rate
 from particell.chemistry.storage import (
+    average,
     prepare,
+    remember,
     scratch_fields,
     shared_jump_tables,
     table_fields,
 )
+from particell.chemistry.switching import switch_kind
+from particell.chemistry.walks import Walks
 from particell.compute.device import Device
-from particell.compute.loop import Loop
 from particell.compute.neighbours import NeighbourList
-from particell.compute.philox import INITIAL, JUMP, REACTION, SPONGE, stream_key
-from particell.compute.reduce import Reduction
-from particell.errors import InputError, RunError, unknown_name
+from particell.compute.philox import JUMP, REACTION, ROUNDING, SPONGE, stream_key
+from particell.errors import InputError, RunError
 from particell.kernels import kernel_code, normalisation
 from particell.laws import diffusion
 from particell.materials import AVOGADRO
 from particell.particles import Particles
 
-Values = float | np.ndarray | Callable[[np.ndarray], np.ndarray | float]
 
-
-class Chemistry:
+class Chemistry(Contents):
     """Species and reactions on a set of particles.
 
     Parameters
@@ -46,8 +47,10 @@ class Chemistry:
     neighbours
         The neighbour list, valid at every call of :meth:`step`.
     species, reactions, boundaries
-        What there is, what it does, and where it is kept (:class:`Reservoir`,
-        :class:`FixedValueWall`).
+        What there is, what it does, and where it is kept or comes in
+        (:class:`~particell.chemistry.reservoirs.Reservoir`,
+        :class:`~particell.chemistry.reservoirs.FixedValueWall`,
+        :class:`~particell.chemistry.reservoirs.FluxWall`).
     kernel
         Name of the smoothing kernel.
     seed
@@ -57,6 +60,8 @@ class Chemistry:
     depth
         Extent of the dimensions that are not simulated, in m (2D) or m² (1D): a particle of
         volume V holds C V depth 𝒩 molecules. Amounts are in mol per depth.
+    splitting
+        ``"lie"`` or ``"strang"``, see :meth:`step`.
 
     Attributes
     ----------
@@ -81,140 +86,58 @@ class Chemistry:
         neighbours: NeighbourList,
         species: Sequence[Species],
         reactions: Sequence[Reaction] = (),
-        boundaries: Sequence[Reservoir | FixedValueWall] = (),
+        boundaries: Boundaries = (),
         kernel: str = "wendland-c2",
         seed: int = 0,
         normalise: bool = False,
         depth: float = 1.0,
+        splitting: str = "lie",
     ):
-        self.device, self.particles, self.neighbours = device, particles, neighbours
-        self.species = {s.name: s for s in species}
-        self.deterministic, self.stochastic = build_tables(
-            species, reactions, boundaries, particles.groups
-        )
+        if splitting not in ("lie", "strang"):
+            raise InputError("splitting", splitting, "'lie' or 'strang'")
+        tables = build_tables(species, reactions, boundaries, particles.groups)
         self.add_fields(particles, species)
-        self.depth = checked_rate("depth", depth)
+        depth = checked_rate("depth", depth)
+        super().__init__(device, particles, species, tables, seed, depth)
+        self.neighbours, self.splitting = neighbours, splitting
         self.normalise, self.binomial_cost = normalise, jumps.BINOMIAL_COST
         self.jumps = self.events = self.substeps = 0
-        self._reduction = Reduction(device)
         code, dim = kernel_code(kernel), particles.dim
-        self._shape = {
+        uniform = neighbours.constants["UNIFORM"]
+        self._shape: dict[str, Any] = {
             "DIM": dim,
             "KERNEL": code,
-            "UNIFORM": neighbours.constants["UNIFORM"],
+            "UNIFORM": uniform,
+            "NORMALISE": normalise,
         }
-        both = (self.deterministic, self.stochastic)
-        self._surface = any(bool((t.status == WALL_VALUE).any()) for t in both)
-        self._reservoirs = any(bool((t.status == HELD).any()) for t in both)
-        self._keys = {p: tuple(stream_key(seed, p)) for p in (REACTION, JUMP, INITIAL, SPONGE)}
-        self._fields = scratch_fields(
-            device, particles, self.deterministic, self.stochastic, self._surface, normalise
+        surface, flux, self._reservoirs = (
+            any(bool((t.status == status).any()) for t in tables)
+            for status in (WALL_VALUE, WALL_FLUX, HELD)
         )
-        self._fields.update(alpha=normalisation(code, dim), depth=self.depth)
-        self._amounts = table_fields(device, self.deterministic, "amount")
-        self._counts = table_fields(device, self.stochastic, "count")
-        self._jump_tables = shared_jump_tables(device, self.stochastic)
+        self._open_ended = surface or flux or self._reservoirs
+        self._keys = {p: tuple(stream_key(seed, p)) for p in (REACTION, JUMP, ROUNDING, SPONGE)}
+        self._switching = [int(s) for s in self.stochastic.switching]
+        self._switch = {"SWITCH": bool(self._switching)}
+        self._pair = {**self._shape, "SURFACE": surface, "FLUX": flux, **self._switch}
+        strang = splitting == "strang"
+        self._fields = scratch_fields(
+            device, particles, self.deterministic, self.stochastic, surface, flux, strang, normalise
+        )
+        self._fields.update(
+            alpha=normalisation(code, dim), depth=self.depth, quantum=1 / (self.depth * AVOGADRO)
+        )
+        receives = np.array([g.kind == "fluid" for g in particles.groups])
+        self._amounts = table_fields(device, self.deterministic, receives)
+        self._counts = table_fields(device, self.stochastic, receives)
+        self._jump_tables = shared_jump_tables(device, self.stochastic, receives)
+        walls = [b for b in boundaries if isinstance(b, FluxWall)]
+        self._areas = fluxes.wall_areas(particles, neighbours.domain, walls, self.depth)
+        self._scale = np.zeros(len(particles.groups))
         self._laws = {
             "C, k": dispatcher(self.deterministic.laws, "C, k"),
             "N, V, k": dispatcher(self.stochastic.laws, "N, V, k"),
         }
-
-    @staticmethod
-    def add_fields(particles: Particles, species: Sequence[Species]) -> None:
-        """Add the fields of the species to the particles, where they are missing."""
-        molecules = sum(s.molecules for s in species)
-        for name, columns, kind in (
-            ("amount", len(species) - molecules, np.float64),
-            ("count", molecules, np.int64),
-        ):
-            for field in (name, f"{name}_booked"):
-                if columns and field not in particles:
-                    particles.add(field, columns, kind)
-
-    # --- state -------------------------------------------------------------------------------
-
-    def set_concentration(self, name: str, values: Values, group: str | None = None) -> None:
-        """Set a species from concentrations in mol/m³.
-
-        Parameters
-        ----------
-        name
-            The species.
-        values
-            A number, an array for the particles concerned in memory order, or a function of their
-            positions (m, dim).
-        group
-            The particles concerned; by default all that hold the species.
-
-        Notes
-        -----
-        Molecules: C V depth 𝒩 is rounded at random without bias, by a random number of
-        the particle's own (purpose ``INITIAL``, counter id and species).
-        """
-        chosen, numbers = self._values(name, values, group)
-        if (numbers < 0).any() or not np.isfinite(numbers).all():
-            raise InputError(f"concentration of {name}", float(numbers.min()), "finite and >= 0")
-        p = self.particles
-        amounts = np.zeros(p.n)
-        amounts[chosen] = numbers * (p.host("mass") / p.host("density"))[chosen]
-        table, column = self._column(name)
-        if table is self.deterministic:
-            host = p.host("amount").copy()
-            host[chosen, column] = amounts[chosen]
-            p.set("amount", host)
-            return
-        expected = self.device.array(amounts * self.depth * AVOGADRO)
-        mask = self.device.array(chosen.astype(np.uint8))
-        key0, key1 = self._keys[INITIAL]
-        extra = {"expected": expected, "chosen": mask, "s": column, "key0": key0, "key1": key1}
-        self._run(reservoirs.round_counts, p.n, self._counts, extra)
-
-    def set_count(self, name: str, values: Values, group: str | None = None) -> None:
-        """Set the numbers of molecules of a species; ``values`` as in :meth:`set_concentration`."""
-        table, column = self._column(name)
-        if table is self.deterministic:
-            raise InputError("species", name, "one with molecules=True, to have its count set")
-        chosen, numbers = self._values(name, values, group)
-        whole = np.rint(numbers)
-        if (whole != numbers).any() or (whole < 0).any():
-            raise InputError(f"count of {name}", values, "whole numbers >= 0")
-        host = self.particles.host("count").copy()
-        host[chosen, column] = whole.astype(np.int64)
-        self.particles.set("count", host)
-
-    def concentration(self, name: str) -> np.ndarray:
-        """Concentration of a species in mol/m³, (n,), in memory order, for either kind."""
-        table, column = self._column(name)
-        p = self.particles
-        volume = p.host("mass").astype(float) / p.host("density")
-        if table is self.deterministic:
-            return p.host("amount")[:, column] / volume
-        return p.host("count")[:, column] / (volume * self.depth * AVOGADRO)
-
-    def count(self, name: str) -> np.ndarray:
-        """Molecules of a species, int64 (n,), in memory order."""
-        table, column = self._column(name)
-        if table is self.deterministic:
-            raise InputError("species", name, "one with molecules=True, to have a count")
-        return self.particles.host("count")[:, column]
-
-    def column(self, name: str) -> int:
-        """The species' column in the field ``amount`` or ``count``."""
-        return self._column(name)[1]
-
-    def totals(self) -> dict[str, tuple[float | int, float | int]]:
-        """For each species its total and what was booked: mol, or whole numbers of molecules.
-
-        The first minus the second is constant: to round-off, or exactly.
-        """
-        result: dict[str, tuple[float | int, float | int]] = {}
-        for table, field in ((self.deterministic, "amount"), (self.stochastic, "count")):
-            if table.names:
-                total = self._reduction.sum(self.particles[field])
-                booked = self._reduction.sum(self.particles[f"{field}_booked"])
-                for s, name in enumerate(table.names):
-                    result[name] = (total[s].item(), booked[s].item())
-        return result
+        self._rows: Any = None
 
     def limits(self) -> dict[str, float]:
         """Largest steps in s by name: 0.05 h²/κ for each kind of species.
@@ -236,7 +159,12 @@ class Chemistry:
     # --- the step ----------------------------------------------------------------------------
 
     def step(self, step_index: int, tau: float) -> None:
-        """Diffusion, then reactions, of all species during tau (Lie splitting).
+        """Diffusion and reactions of all species during tau.
+
+        Lie splitting: diffusion, then reactions; of first order in tau. Strang splitting:
+        reactions during tau/2, diffusion during tau by Heun's method (jumps of molecules are exact
+        anyway), reactions during tau/2; of second order. Reactions go outside as they are cheaper
+        than the sum over neighbours, and as a step should end with what is stiff.
 
         Parameters
         ----------
@@ -245,20 +173,19 @@ class Chemistry:
         tau
             In s.
         """
+        self._bind()
         n = self.particles.n
-        self._run(prepare, n, self._amounts, {}, COLUMNS=len(self.deterministic.names))
+        for numbers in self._thresholds:
+            self._switch_kind(n, *numbers, step_index)
+        self._prepare(n)
         self._hold()
-        diffusing = bool(len(self.deterministic.diffusing))
-        if self.normalise and (diffusing or self._jump_tables):
-            self._run(diffusion.kernel_sums, n, {}, {}, **self._shape)
-        if diffusing:
-            self._run(diffusion.diffuse, n, self._amounts, {"tau": tau}, **self._pair_constants())
-        for table, columns in self._jump_tables:
-            self._jump(table, columns, step_index, tau)
-        if self.deterministic.reactions:
-            self._react_amounts(step_index, tau)
-        if self.stochastic.reactions:
-            self._react_counts(step_index, tau)
+        strang = self.splitting == "strang"
+        if strang:
+            self._react(step_index, 0.5 * tau, 1)
+            self._hold()
+            self._prepare(n)
+        self._diffuse(step_index, tau, strang)
+        self._react(step_index, 0.5 * tau if strang else tau, 0)
         self._hold()
 
     def relax(self, name: str, fraction: Any, target: Any, step_index: int) -> None:
@@ -273,148 +200,140 @@ class Chemistry:
         step_index
             Number of the step (the random numbers of rounding molecules).
         """
+        self._bind()
         table, column = self._column(name)
-        extra = {"fraction": fraction, "target": target, "s": column}
         n = self.particles.n
-        fields = self._amounts if table is self.deterministic else self._counts
-        self._run(prepare, n, self._amounts, {}, COLUMNS=len(self.deterministic.names))
-        if table is self.deterministic:
-            self._run(reservoirs.relax_amounts, n, fields, extra)
-            return
-        key0, key1 = self._keys[SPONGE]
-        extra.update(key0=key0, key1=key1, step=np.uint64(step_index))
-        self._run(reservoirs.relax_counts, n, fields, extra)
+        self._prepare(n)
+        if table is self.stochastic:
+            self._relax_counts(n, fraction, target, column, np.uint64(step_index))
+            if table.partner[column] < 0:
+                return
+            column = int(table.partner[column])
+        self._relax_amounts(n, fraction, target, column)
 
-    def _pair_constants(self) -> dict[str, Any]:
-        return {**self._shape, "NORMALISE": self.normalise, "SURFACE": self._surface}
+    def _diffuse(self, step: int, tau: float, heun: bool) -> None:
+        """All exchange between particles: jumps of molecules first, then that of amounts."""
+        n = self.particles.n
+        diffusing = bool(len(self.deterministic.diffusing))
+        if self.normalise and (diffusing or self._walks):
+            self._kernel_sums(n)
+        for g, area in self._areas.items():
+            self._facing_area(n, g)
+            total = self._reduction.sum(self._fields["facing"].reshape(n, 1))[0]
+            self._scale[g] = area / total if total > 0 else 0.0
+        if self._areas:
+            self.device.write(self._fields["wall_scale"], self._scale)
+        for walks in self._walks:
+            self.jumps += walks.run(n, step, tau, self.binomial_cost)
+        if not diffusing:
+            return
+        if self._switching:
+            self._prepare(n)
+        if not heun:
+            self._exchange(n, tau)
+            return
+        self._remember(n)
+        self._exchange(n, tau)
+        if self._reservoirs:
+            self._hold_amounts(n)
+        self._prepare(n)
+        self._exchange(n, tau)
+        self._average(n)
 
     def _hold(self) -> None:
         if self._reservoirs:
             n = self.particles.n
             if self.deterministic.names:
-                self._run(reservoirs.hold_amounts, n, self._amounts, {})
+                self._hold_amounts(n)
             if self.stochastic.names:
-                self._run(reservoirs.hold_counts, n, self._counts, {})
+                self._hold_counts(n)
 
-    def _jump(self, table: dict[str, Any], columns: list[int], step: int, tau: float) -> None:
+    def _react(self, step: int, tau: float, part: int) -> None:
+        """All reactions; ``part`` tells apart the random numbers of the parts of a step."""
         n, f = self.particles.n, self._fields
-        if len(f["cumulative"]) < len(self.neighbours.neighbours):
-            f["cumulative"] = self.device.zeros(len(self.neighbours.neighbours), np.float32)
-        self._run(jumps.jump_rates, n, table, {}, **self._pair_constants())
-        fastest = self._reduction.max(f["leave_rate"])
-        if not math.isfinite(fastest):
-            bad = int(np.argmin(np.isfinite(self.device.to_host(f["leave_rate"]))))
-            particle = int(self.particles.host("id")[bad])
-            raise RunError(
-                "jump rate is not finite", step=step, time=math.nan, field="x", particle=particle
-            )
-        key0, key1 = self._keys[JUMP]
-        mean = fastest * tau
-        length = jumps.rounds_needed(mean)
-        for s in columns:
-            common = {
-                **table,
-                **self._counts,
-                "s": s,
-                "tau": tau,
-                "fastest": fastest,
-                "binomial_cost": self.binomial_cost,
-                "step": step,
-                "key0": key0,
-                "key1": key1,
-            }
-            common["status"], common["count"] = table["status"], self.particles["count"]
-            if fastest > 0:
-                f["further"] = self.device.array(jumps.resident_probabilities(mean, length))
-                self._rounds(0, length, common, 2 * s)
-            if self._surface or self._reservoirs:
-                self._run(jumps.enter, n, common, {"stream": 2 * s + 1})
-                f["further"] = self.device.array(jumps.inflow_probabilities(mean, length))
-                self._rounds(1, length, common, 2 * s + 1)
-            self._run(jumps.settle, n, common, {})
+        if self.deterministic.reactions:
+            lanes = len(f["work"])
+            self._react_amounts(lanes, n, tau)
+            substeps = self.device.to_host(f["substeps"])
+            self.substeps = int(substeps.max())
+            if substeps.min() < 0:
+                first = int(np.argmin(substeps)) * n // lanes
+                raise RunError(
+                    "reactions could not be integrated (particles of this lane)",
+                    step=step,
+                    time=math.nan,
+                    field="amount",
+                    particle=int(self.particles.host("id")[first]),
+                )
+        if self.stochastic.reactions:
+            self._react_counts(n, tau, step, part)
+            counter = f["event_counter"]
+            self.events += int(self.device.to_host(counter)[:, 0].sum())
+            self.device.write(counter, f["zero_counters"])
 
-    def _rounds(self, first: int, last: int, common: dict[str, Any], stream: int) -> None:
-        """Rounds until no molecule may have a further candidate jump."""
-        n = self.particles.n
-        pending = True
-        m = first
-        if first > 0:
-            pending = self._count_up()
-        while pending and m < last:
-            if m > 0:
-                self._run(jumps.collect, n, common, {})
-            self._run(jumps.move, n, common, {"m": m, "stream": stream})
-            pending = self._count_up()
-            m += 1
+    # --- binding -----------------------------------------------------------------------------
 
-    def _count_up(self) -> bool:
-        """Read the counters of a round and empty them; whether molecules are still on the way."""
-        counters = self._fields["counters"]
-        made, pending = self.device.to_host(counters).sum(axis=0)[:2]
-        self.jumps += int(made)
-        self.device.write(counters, self._fields["zero_counters"])
-        return bool(pending)
-
-    def _react_amounts(self, step: int, tau: float) -> None:
+    def _bind(self) -> None:
+        """Look up the loops' arrays, again where the neighbour list has other ones."""
+        rows = self.neighbours.fields["neighbours"]
+        if rows is self._rows:
+            return
+        self._rows = rows
         f = self._fields
-        extra = {"rows": self.particles.n, "tau": tau}
-        lanes = len(f["work"])
-        self._run(massaction.react, lanes, self._amounts, extra, LAW=self._laws["C, k"])
-        substeps = self.device.to_host(f["substeps"])
-        self.substeps = int(substeps.max())
-        if substeps.min() < 0:
-            first = int(np.argmin(substeps)) * self.particles.n // lanes
-            raise RunError(
-                "reactions could not be integrated (particles of this lane)",
-                step=step,
-                time=math.nan,
-                field="amount",
-                particle=int(self.particles.host("id")[first]),
-            )
+        if self._jump_tables:
+            f["cumulative"] = self.device.zeros(len(rows), np.float32)
+        common = {**self.neighbours.fields, **self.particles.fields, **f}
+        amounts = {**common, **self._amounts}
+        counts = {**common, **self._counts}
+        for kind in (amounts, counts):  # one that is missing stands in where it is never read
+            for name in ("amount", "count", "continuous"):
+                kind.setdefault(name, f[f"no_{name}"])
+        self._bind_exchange(amounts, counts)
+        self._bind_reactions(amounts, counts)
 
-    def _react_counts(self, step: int, tau: float) -> None:
-        key0, key1 = self._keys[REACTION]
-        extra = {"tau": tau, "step": step, "key0": key0, "key1": key1}
-        n = self.particles.n
-        self._run(ssa.react, n, self._counts, extra, LAW=self._laws["N, V, k"])
-        counter = self._fields["event_counter"]
-        self.events += int(self.device.to_host(counter)[:, 0].sum())
-        self.device.write(counter, self._fields["zero_counters"])
+    def _bind_exchange(self, amounts: dict[str, Any], counts: dict[str, Any]) -> None:
+        bind = self.device.bind
+        columns = len(self.deterministic.names)
+        self._prepare = bind(prepare, amounts, COLUMNS=columns)
+        self._kernel_sums = bind(diffusion.kernel_sums, amounts, **self._without("NORMALISE"))
+        self._facing_area = bind(fluxes.facing_area, amounts, **self._shape)
+        self._exchange = bind(diffusion.diffuse, amounts, **self._pair)
+        self._remember = bind(remember, amounts, COLUMNS=columns)
+        self._average = bind(average, amounts, COLUMNS=columns)
+        self._hold_amounts = bind(reservoirs.hold_amounts, amounts)
+        self._hold_counts = bind(reservoirs.hold_counts, counts)
+        self._relax_amounts = bind(reservoirs.relax_amounts, amounts, **self._switch)
+        sponge = self._with_key(counts, SPONGE)
+        self._relax_counts = bind(reservoirs.relax_counts, sponge, **self._switch)
+        jumping = self._with_key(counts, JUMP)
+        partner = self.stochastic.partner
+        self._walks = [
+            Walks(self.device, {**jumping, **t}, self._pair, columns, partner, self._open_ended)
+            for t, columns in self._jump_tables
+        ]
 
-    # --- helpers -----------------------------------------------------------------------------
+    def _bind_reactions(self, amounts: dict[str, Any], counts: dict[str, Any]) -> None:
+        bind = self.device.bind
+        law = {"LAW": self._laws["C, k"]}
+        if self.deterministic.reactions:
+            self._react_amounts = bind(massaction.react, amounts, **law, **self._switch)
+        law = {"LAW": self._laws["N, V, k"]}
+        mixed = {"MIXED": bool(self._switching or self.stochastic.net_amount.any())}
+        # a concentration may take part without being changed
+        mixed["MIXED"] |= bool((self.stochastic.reactants >= len(self.stochastic.names)).any())
+        self._react_counts = bind(
+            ssa.react, self._with_key(counts, REACTION), **law, **mixed, **self._switch
+        )
+        self._switch_kind = bind(switch_kind, self._with_key(counts, ROUNDING))
+        self._thresholds = []
+        for s in self._switching:
+            each = self.species[self.stochastic.names[s]]
+            partner = int(self.stochastic.partner[s])
+            self._thresholds.append((s, partner, each.switch_above, each.switch_below))
 
-    def _run(self, loop: Loop, n: int, first: dict, extra: dict, **constants: Any) -> None:
-        """Run a loop with arguments looked up by name; arrays may have been re-allocated."""
-        run = loop.specialise(self.device.backend, **constants)
-        places = (extra, first, self._fields, self.particles.fields, self.neighbours.fields)
-        arguments = []
-        for name in loop.arguments:
-            for place in places:
-                if name in place:
-                    arguments.append(place[name])
-                    break
-            else:
-                raise KeyError(f"{loop.__name__}: {name}")
-        run(n, *arguments)
+    def _with_key(self, fields: dict[str, Any], purpose: int) -> dict[str, Any]:
+        key0, key1 = self._keys[purpose]
+        return {**fields, "key0": key0, "key1": key1}
 
-    def _column(self, name: str) -> tuple[Tables, int]:
-        for table in (self.deterministic, self.stochastic):
-            if name in table.names:
-                return table, table.names.index(name)
-        raise unknown_name("species", name, self.species)
-
-    def _values(
-        self, name: str, values: Values, group: str | None
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Which particles are meant, and one number for each of them."""
-        table, column = self._column(name)
-        p = self.particles
-        holds = table.present[:, column]
-        if group is None:
-            chosen = holds[p.host("group")]
-        else:
-            chosen = p.select(group)
-            if not holds[[g.name for g in p.groups].index(group)]:
-                raise InputError(f"group of {name}", group, "one that holds the species")
-        given = values(p.host("x")[chosen]) if callable(values) else values
-        return chosen, np.broadcast_to(np.asarray(given, float), (int(chosen.sum()),))
+    def _without(self, name: str) -> dict[str, Any]:
+        return {k: v for k, v in self._shape.items() if k != name}

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from particell.materials import AVOGADRO
+
 if TYPE_CHECKING:
     from particell.chemistry.engine import Chemistry
 
@@ -68,6 +70,18 @@ def _written(weights: np.ndarray, names: list[str]) -> str:
     return text.removeprefix(" + ").strip()
 
 
+def all_reactions(chemistry: Chemistry) -> tuple[np.ndarray, list[str]]:
+    """Change of every species by each reaction (reactions, species), and the species' names."""
+    amounts, counts = chemistry.deterministic, chemistry.stochastic
+    names = amounts.names + [name for name in counts.names if name not in amounts.names]
+    net = np.zeros((amounts.reactions + counts.reactions, len(names)), np.int64)
+    net[: amounts.reactions, : len(amounts.names)] = amounts.net
+    net[amounts.reactions :, : len(amounts.names)] = counts.net_amount
+    for s, name in enumerate(counts.names):
+        net[amounts.reactions :, names.index(name)] += counts.net[:, s]
+    return net, names
+
+
 def conserved_totals(chemistry: Chemistry) -> dict[str, tuple[float | int, float]]:
     """Totals net of booked flux that neither diffusion nor any reaction may change.
 
@@ -75,14 +89,23 @@ def conserved_totals(chemistry: Chemistry) -> dict[str, tuple[float | int, float
     -------
     dict
         For each of :func:`conserved_sums` its value and the magnitude that a drift is relative to;
-        for molecules whole numbers and a magnitude of 1.
+        for molecules whole numbers and a magnitude of 1. Where molecules and concentrations, or
+        species that switch, are in one sum, all is in molecules.
     """
     totals = chemistry.totals()
     found: dict[str, tuple[float | int, float]] = {}
-    for table, whole in ((chemistry.deterministic, False), (chemistry.stochastic, True)):
-        for name, weights in conserved_sums(table.net, table.names).items():
-            parts = [(int(w), *totals[s]) for w, s in zip(weights, table.names, strict=True) if w]
-            value = sum(w * (total - booked) for w, total, booked in parts)
-            size = sum(abs(w) * max(abs(total), abs(booked)) for w, total, booked in parts)
-            found[name] = (value, 1.0 if whole else max(float(size), 1e-300))
+    net, names = all_reactions(chemistry)
+    for name, weights in conserved_sums(net, names).items():
+        inside = [s for w, s in zip(weights, names, strict=True) if w]
+        molecules = [chemistry.species[s].molecules for s in inside]
+        whole = all(molecules) and not any(chemistry.species[s].switches for s in inside)
+        parts = []
+        for w, s in zip(weights, names, strict=True):
+            if w:
+                mixed = any(molecules) and not chemistry.species[s].molecules
+                scale = chemistry.depth * AVOGADRO if mixed else 1
+                parts.append((int(w), totals[s][0] * scale, totals[s][1] * scale))
+        value = sum(w * (total - booked) for w, total, booked in parts)
+        size = sum(abs(w) * max(abs(total), abs(booked)) for w, total, booked in parts)
+        found[name] = (value, 1.0 if whole else max(float(size), 1e-300))
     return found

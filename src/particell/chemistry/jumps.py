@@ -36,12 +36,15 @@ import numpy as np
 from numba import njit
 from scipy.special import gammainc
 
-from particell.chemistry.binomial import binomial, conditional_binomial, poisson
+from particell.chemistry.binomial import (
+    binomial,
+    conditional_binomial,
+    poisson,
+    stochastic_round,
+)
 from particell.compute.loop import particle_loop
 from particell.compute.philox import philox, uniform32
 from particell.compute.scatter import scatter_add
-from particell.laws.diffusion import pair_f, separation_square, surface_factor
-from particell.materials import AVOGADRO
 
 #: Cost of one binomial draw in units of one walked molecule: decides between the two ways.
 BINOMIAL_COST = 1.2
@@ -49,80 +52,6 @@ BINOMIAL_COST = 1.2
 JUMPS, PENDING = 0, 1
 #: 1 - 2^-23: the product with a single-precision number rounds to a smaller one.
 _BELOW_ONE = 0.9999998807907104
-
-
-@particle_loop
-def jump_rates(
-    i,
-    x,
-    support,
-    volume,
-    depth,
-    group,
-    kernel_sum,
-    start,
-    stop,
-    neighbours,
-    period,
-    inverse_period,
-    alpha,
-    pair_kappa,
-    status,
-    value,
-    wall_normal,
-    wall_depth,
-    wall_curvature,
-    cumulative,
-    leave_rate,
-    inflow,
-    *,
-    DIM,
-    KERNEL,
-    UNIFORM,
-    NORMALISE,
-    SURFACE,
-):
-    """Cumulative jump rates along row i, their total, and the stream that comes in from outside.
-
-    ``leave_rate`` is 0 where molecules vanish (reservoirs, walls with a value). ``inflow`` is in
-    molecules/s from walls with a value; for a reservoir in 1/s, for each of its molecules.
-    """
-    g = group[i]
-    h = support[i]
-    rate = 0.0
-    stream = 0.0
-    for k in range(start[i], stop[i]):
-        j = neighbours[k]
-        r2 = separation_square(x, i, j, period, inverse_period, DIM)
-        if not UNIFORM:
-            h = 0.5 * (support[i] + support[j])
-        other = group[j]
-        part = 2.0 * pair_kappa[g, other] * volume[j] * pair_f(r2, h, alpha, DIM, KERNEL)
-        if NORMALISE:
-            part *= 2.0 / (kernel_sum[i] + kernel_sum[j])
-        if SURFACE and status[other] == 2 and part > 0.0:
-            part *= surface_factor(
-                x,
-                support,
-                wall_normal,
-                wall_depth,
-                wall_curvature,
-                i,
-                j,
-                period,
-                inverse_period,
-                DIM,
-            )
-            stream += part * value[other]
-        rate += part
-        cumulative[k] = rate
-    total = 0.0
-    if stop[i] > start[i]:
-        total = np.float64(cumulative[stop[i] - 1])
-    leave_rate[i] = total if status[g] == 0 else 0.0
-    inflow[i] = stream * volume[i] * depth * AVOGADRO
-    if status[g] == 1:
-        inflow[i] = total
 
 
 @njit(error_model="numpy")
@@ -168,17 +97,29 @@ def move(
     moving,
     landed,
     counters,
+    column,
+    quantum,
+    continuous,
+    amount,
+    *,
+    SWITCH,
 ):
     """Round m for the molecules of particle i: those it holds (m = 0), or those that arrived.
 
     Molecules whose walk is over are added to ``landed``, those that may have further candidates
     to ``moving``; both have shape (threads, n). ``stream`` tells apart the sets of rounds of one
-    step (species; residents and those from outside).
+    step (species; residents and those from outside). With ``SWITCH`` particle i may hold an amount
+    (in ``column``) instead, which sends and takes molecules of ``quantum`` mol each.
 
     The walk of a molecule is written out here and in :func:`enter`: as a function that takes
     arrays it would be slower by half, Numba counting references of each array in every call.
     """
     number = count[i, s] if m == 0 else arrived[i]
+    worth = 0.0
+    if SWITCH and continuous[i, s] != 0 and m == 0:
+        worth = amount[i, column] / quantum
+        last = np.uint64(stream * 65536 + 65535)  # no round has this number
+        number = stochastic_round(worth, np.uint64(id[i]), np.uint64(step), last, key0, key1)
     if number == 0:
         return
     if status[group[i]] != 0:
@@ -194,7 +135,13 @@ def move(
     p = -math.expm1(-leave * tau)
     timed = m == 0 and (leave == 0.0 or number * p < limit * max(1.0, fastest * tau))
     going, block = binomial(number, p if timed else further[m], c0, c1, c2, 0, key0, key1)
-    if m == 0:
+    if SWITCH and continuous[i, s] != 0:
+        if m == 0:
+            going = min(going, np.int64(math.floor(worth)))
+            amount[i, column] = max(0.0, amount[i, column] - going * quantum)
+        else:
+            amount[i, column] += (number - going) * quantum
+    elif m == 0:
         count[i, s] -= going
     else:
         count[i, s] += number - going
@@ -348,13 +295,29 @@ def collect(i, moving, arrived):
 
 
 @particle_loop
-def settle(i, s, group, status, landed, count, count_booked):
+def settle(
+    i,
+    s,
+    group,
+    status,
+    landed,
+    count,
+    count_booked,
+    column,
+    quantum,
+    continuous,
+    amount,
+    *,
+    SWITCH,
+):
     """Give particle i the molecules whose walk ended there; absorbed ones are booked."""
     total = 0
     for thread in range(landed.shape[0]):
         total += landed[thread, i]
         landed[thread, i] = 0
-    if status[group[i]] == 0:
+    if SWITCH and continuous[i, s] != 0:
+        amount[i, column] += total * quantum
+    elif status[group[i]] == 0:
         count[i, s] += total
     else:
         count_booked[i, s] -= total

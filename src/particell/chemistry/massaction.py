@@ -18,6 +18,7 @@ Wanner, Solving Ordinary Differential Equations II (1996), IV.7.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -32,37 +33,39 @@ ROUND_OFF = 1e-15
 #: Lanes share the particles between them; each has one row of scratch memory.
 LANES = 512
 MOST_SUBSTEPS = 1_000_000
+#: These functions are called from compiled code only: no wrappers for Python need compiling.
+INNER: Any = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 
-def work_columns(species: int) -> int:
-    """Length of a lane's row of scratch memory: see :func:`rodas3`."""
-    return species * species + 8 * species
+def work_columns(species: int, reactions: int) -> int:
+    """Length of a lane's row of scratch memory: see :func:`integrate`."""
+    return species * species + 8 * species + reactions
 
 
-@njit(error_model="numpy")
-def reaction_rate(r, work, lane, at, n, k, reactants, law, choose):
-    """Rate of reaction r in mol/m³/s, of the concentrations at ``work[lane, at:at+n]``."""
+@njit(**INNER)
+def reaction_rate(r, w, at, n, k, reactants, law, choose):
+    """Rate of reaction r in mol/m³/s, of the concentrations at ``w[at:at+n]``."""
     if choose is not None:  # noqa: SIM102 - decided at compile time
         if law[r] > 0:
-            return choose(law[r] - 1, work[lane, at : at + n], k)
+            return choose(law[r] - 1, w[at : at + n], k)
     rate = k
     for f in range(reactants.shape[1]):
         if reactants[r, f] >= 0:
-            rate *= work[lane, at + reactants[r, f]]
+            rate *= w[at + reactants[r, f]]
     return rate
 
 
-@njit(error_model="numpy")
-def rate_slope(r, s, work, lane, n, k, size, reactants, law, choose):
-    """Derivative of the rate of reaction r with respect to species s at ``work[lane, 0:n]``."""
+@njit(**INNER)
+def rate_slope(r, s, w, n, k, size, reactants, law, choose):
+    """Derivative of the rate of reaction r with respect to species s at ``w[0:n]``."""
     if choose is not None:  # noqa: SIM102 - decided at compile time
         if law[r] > 0:
-            kept = work[lane, s]
+            kept = w[s]
             step = 1e-7 * max(kept, 1e-3 * size)
-            low = choose(law[r] - 1, work[lane, 0:n], k)
-            work[lane, s] = kept + step
-            high = choose(law[r] - 1, work[lane, 0:n], k)
-            work[lane, s] = kept
+            low = choose(law[r] - 1, w[0:n], k)
+            w[s] = kept + step
+            high = choose(law[r] - 1, w[0:n], k)
+            w[s] = kept
             return (high - low) / step
     slope = 0.0
     for f in range(reactants.shape[1]):
@@ -70,124 +73,26 @@ def rate_slope(r, s, work, lane, n, k, size, reactants, law, choose):
             product = k
             for other in range(reactants.shape[1]):
                 if other != f and reactants[r, other] >= 0:
-                    product *= work[lane, reactants[r, other]]
+                    product *= w[reactants[r, other]]
             slope += product
     return slope
 
 
-@njit(error_model="numpy")
-def derivative(work, lane, at, out, n, g, rate, reactants, net, law, choose):
-    """dC/dt of the concentrations at ``at`` into the place ``out``; the largest |dC/dt|."""
-    for s in range(n):
-        work[lane, out + s] = 0.0
-    for r in range(rate.shape[1]):
-        if rate[g, r] > 0.0:
-            value = reaction_rate(r, work, lane, at, n, rate[g, r], reactants, law, choose)
-            for s in range(n):
-                work[lane, out + s] += net[r, s] * value
-    largest = 0.0
-    for s in range(n):
-        largest = max(largest, abs(work[lane, out + s]))
-    return largest
+@njit(**INNER)
+def integrate(w, n, tau, reactants, net, law, choose):
+    """Integrate the lane's concentrations over tau; the sub-steps, -1 where it does not succeed.
 
+    The lane's row of scratch memory w holds the concentrations, four stages, the argument of the
+    rates (in the end the new concentrations), the pivots, from 8 n on the matrix, and the rate
+    constants (0 where a reaction does not take place).
 
-@njit(error_model="numpy")
-def factorise_system(work, lane, n, matrix, pivots, g, h, size, rate, reactants, net, law, choose):
-    """LU decomposition of 2/h - J (RODAS3 has γ = 1/2), with row exchanges, in place."""
-    for k in range(n * n):
-        work[lane, matrix + k] = 0.0
-    for s in range(n):
-        work[lane, matrix + s * n + s] = 2.0 / h
-    for r in range(rate.shape[1]):
-        if rate[g, r] > 0.0:
-            for s in range(n):
-                slope = rate_slope(r, s, work, lane, n, rate[g, r], size, reactants, law, choose)
-                for row in range(n):
-                    work[lane, matrix + row * n + s] -= net[r, row] * slope
-    for k in range(n):
-        best = k
-        for row in range(k + 1, n):
-            if abs(work[lane, matrix + row * n + k]) > abs(work[lane, matrix + best * n + k]):
-                best = row
-        work[lane, pivots + k] = best
-        for col in range(n):
-            kept = work[lane, matrix + k * n + col]
-            work[lane, matrix + k * n + col] = work[lane, matrix + best * n + col]
-            work[lane, matrix + best * n + col] = kept
-        for row in range(k + 1, n):
-            factor = work[lane, matrix + row * n + k] / work[lane, matrix + k * n + k]
-            work[lane, matrix + row * n + k] = factor
-            for col in range(k + 1, n):
-                work[lane, matrix + row * n + col] -= factor * work[lane, matrix + k * n + col]
-
-
-@njit(error_model="numpy")
-def solve(work, lane, n, matrix, pivots, b):
-    """Solve with the factors of :func:`factorise_system`; the right side is at b."""
-    for k in range(n):
-        best = b + int(work[lane, pivots + k])
-        kept = work[lane, b + k]
-        work[lane, b + k] = work[lane, best]
-        work[lane, best] = kept
-    for k in range(n):
-        for row in range(k + 1, n):
-            work[lane, b + row] -= work[lane, matrix + row * n + k] * work[lane, b + k]
-    for back in range(n):
-        k = n - 1 - back
-        work[lane, b + k] /= work[lane, matrix + k * n + k]
-        for row in range(k):
-            work[lane, b + row] -= work[lane, matrix + row * n + k] * work[lane, b + k]
-
-
-@njit(error_model="numpy")
-def rodas3(work, lane, n, g, h, size, rate, reactants, net, law, choose):
-    """One sub-step: the error in units of the tolerance, infinite for a negative result.
-
-    The lane's row of ``work`` holds the concentrations, four stages, the argument of the rates
-    (in the end the new concentrations), the pivots, and from 8 n on the matrix.
+    One function without repetitions, as Numba compiles every function and every call of it anew:
+    the stages share one text, and the matrix is made when the first one's rates are known.
     """
-    argument, pivots, matrix = 5 * n, 6 * n, 8 * n
-    factorise_system(work, lane, n, matrix, pivots, g, h, size, rate, reactants, net, law, choose)
-    for stage in range(4):
-        u = (stage + 1) * n
-        for s in range(n):
-            value = work[lane, s]
-            if stage >= 2:
-                value += 2.0 * work[lane, n + s]
-            if stage == 3:
-                value += work[lane, 3 * n + s]
-            work[lane, argument + s] = value
-        derivative(work, lane, argument, u, n, g, rate, reactants, net, law, choose)
-        for s in range(n):
-            earlier = 4.0 * work[lane, n + s] if stage == 1 else 0.0
-            if stage >= 2:
-                earlier = work[lane, n + s] - work[lane, 2 * n + s]
-            if stage == 3:
-                earlier -= 8.0 / 3.0 * work[lane, 3 * n + s]
-            work[lane, u + s] += earlier / h
-        solve(work, lane, n, matrix, pivots, u)
-    error = 0.0
-    for s in range(n):
-        new = work[lane, argument + s] + work[lane, 4 * n + s]
-        work[lane, argument + s] = new
-        tolerance = RELATIVE_TOLERANCE * max(work[lane, s], abs(new)) + ABSOLUTE_TOLERANCE * size
-        error = max(error, abs(work[lane, 4 * n + s]) / tolerance)
-        if not new >= -ROUND_OFF * size:
-            error = math.inf
-    return error
-
-
-@njit(error_model="numpy")
-def integrate(work, lane, n, g, tau, rate, reactants, net, law, choose):
-    """Integrate the lane's concentrations over tau; the sub-steps, -1 where it does not succeed."""
-    fastest = derivative(work, lane, 0, n, n, g, rate, reactants, net, law, choose)
-    if fastest == 0.0:
-        return 0
+    argument, pivots, matrix, rates = 5 * n, 6 * n, 8 * n, 8 * n + n * n
     size = 0.0
     for s in range(n):
-        size = max(size, work[lane, s])
-    if size == 0.0:
-        size = fastest * tau
+        size = max(size, w[s])
     left = tau
     h = tau
     steps = 0
@@ -196,10 +101,90 @@ def integrate(work, lane, n, g, tau, rate, reactants, net, law, choose):
         last = h >= left
         if last:
             h = left
-        error = rodas3(work, lane, n, g, h, size, rate, reactants, net, law, choose)
+        for stage in range(4):
+            u = (stage + 1) * n
+            for s in range(n):
+                value = w[s]
+                if stage >= 2:
+                    value += 2.0 * w[n + s]
+                if stage == 3:
+                    value += w[3 * n + s]
+                w[argument + s] = value
+                w[u + s] = 0.0
+            for r in range(len(net)):
+                k = w[rates + r]
+                if k > 0.0:
+                    value = reaction_rate(r, w, argument, n, k, reactants, law, choose)
+                    for s in range(n):
+                        w[u + s] += net[r, s] * value
+            if stage == 0:
+                if steps == 1:
+                    fastest = 0.0
+                    for s in range(n):
+                        fastest = max(fastest, abs(w[u + s]))
+                    if fastest == 0.0:
+                        return 0
+                    if size == 0.0:
+                        size = fastest * tau
+                # 2/h - J (RODAS3 has γ = 1/2) and its LU factors, with row exchanges, in place
+                for k in range(n * n):
+                    w[matrix + k] = 0.0
+                for s in range(n):
+                    w[matrix + s * n + s] = 2.0 / h
+                for r in range(len(net)):
+                    k = w[rates + r]
+                    if k > 0.0:
+                        for s in range(n):
+                            slope = rate_slope(r, s, w, n, k, size, reactants, law, choose)
+                            for row in range(n):
+                                w[matrix + row * n + s] -= net[r, row] * slope
+                for k in range(n):
+                    best = k
+                    diagonal = matrix + k * n
+                    for row in range(k + 1, n):
+                        if abs(w[matrix + row * n + k]) > abs(w[matrix + best * n + k]):
+                            best = row
+                    w[pivots + k] = best
+                    for col in range(n):
+                        kept = w[diagonal + col]
+                        w[diagonal + col] = w[matrix + best * n + col]
+                        w[matrix + best * n + col] = kept
+                    for row in range(k + 1, n):
+                        factor = w[matrix + row * n + k] / w[diagonal + k]
+                        w[matrix + row * n + k] = factor
+                        for col in range(k + 1, n):
+                            w[matrix + row * n + col] -= factor * w[diagonal + col]
+            for s in range(n):
+                earlier = 4.0 * w[n + s] if stage == 1 else 0.0
+                if stage >= 2:
+                    earlier = w[n + s] - w[2 * n + s]
+                if stage == 3:
+                    earlier -= 8.0 / 3.0 * w[3 * n + s]
+                w[u + s] += earlier / h
+            for k in range(n):
+                best = u + int(w[pivots + k])
+                kept = w[u + k]
+                w[u + k] = w[best]
+                w[best] = kept
+            for k in range(n):
+                for row in range(k + 1, n):
+                    w[u + row] -= w[matrix + row * n + k] * w[u + k]
+            for back in range(n):
+                k = n - 1 - back
+                w[u + k] /= w[matrix + k * n + k]
+                for row in range(k):
+                    w[u + row] -= w[matrix + row * n + k] * w[u + k]
+        error = 0.0
+        for s in range(n):
+            new = w[argument + s] + w[4 * n + s]
+            w[argument + s] = new
+            tolerance = RELATIVE_TOLERANCE * max(w[s], abs(new)) + ABSOLUTE_TOLERANCE * size
+            error = max(error, abs(w[4 * n + s]) / tolerance)
+            if not new >= -ROUND_OFF * size:
+                error = math.inf
         if error <= 1.0:
             for s in range(n):
-                work[lane, s] = max(work[lane, 5 * n + s], 0.0)
+                w[s] = max(w[argument + s], 0.0)
             left = 0.0 if last else left - h
             h *= min(6.0, 0.9 * max(error, 1e-6) ** (-1.0 / 3.0))
         elif error < math.inf:
@@ -211,26 +196,58 @@ def integrate(work, lane, n, g, tau, rate, reactants, net, law, choose):
 
 @particle_loop
 def react(
-    lane, rows, tau, group, volume, rate, reactants, net, law, amount, work, substeps, *, LAW
+    lane,
+    rows,
+    tau,
+    group,
+    volume,
+    rate,
+    reactants,
+    net,
+    law,
+    partner,
+    takes_part,
+    continuous,
+    amount,
+    work,
+    substeps,
+    *,
+    LAW,
+    SWITCH,
 ):
     """Reactions during tau in the particles of a lane, one after the other.
 
     ``LAW(m, C, k)`` is the m-th user-given rate law; None where there is none.
     ``substeps[lane]`` is the largest number of sub-steps, -1 where an integration failed.
+    With ``SWITCH`` species that are molecules in this particle, and what involves them, are left
+    out: see :mod:`particell.chemistry.switching`.
     """
     row = np.int64(lane)
     lanes = work.shape[0]
+    w = work[row]
     most = 0
     failed = False
     n = amount.shape[1]
+    rates = 8 * n + n * n
     for i in range(row * rows // lanes, (row + 1) * rows // lanes):
         for s in range(n):
-            work[row, s] = amount[i, s] / volume[i]
-        steps = integrate(work, row, n, group[i], tau, rate, reactants, net, law, LAW)
+            w[s] = amount[i, s] / volume[i]
+        for r in range(rate.shape[1]):
+            w[rates + r] = rate[group[i], r]
+        if SWITCH:
+            for s in range(n):
+                if partner[s] >= 0 and continuous[i, partner[s]] == 0:
+                    w[s] = 0.0
+                    for r in range(rate.shape[1]):
+                        if takes_part[r, s] != 0:
+                            w[rates + r] = 0.0
+        steps = integrate(w, n, tau, reactants, net, law, LAW)
         failed = failed or steps < 0
         most = max(most, steps)
         if steps != 0:
             for s in range(n):
-                change = work[row, s] - amount[i, s] / volume[i]
+                if SWITCH and partner[s] >= 0 and continuous[i, max(partner[s], 0)] == 0:
+                    continue
+                change = w[s] - amount[i, s] / volume[i]
                 amount[i, s] = max(0.0, amount[i, s] + change * volume[i])
     substeps[row] = -1 if failed else most

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,10 +10,20 @@ import numpy as np
 from numba import njit
 
 from particell.chemistry.reactions import HIGHEST_ORDER, Reaction
-from particell.chemistry.reservoirs import FREE, HELD, WALL_VALUE, FixedValueWall, Reservoir
+from particell.chemistry.reservoirs import (
+    FREE,
+    HELD,
+    WALL_FLUX,
+    WALL_VALUE,
+    FixedValueWall,
+    FluxWall,
+    Reservoir,
+)
 from particell.chemistry.species import Species
 from particell.errors import InputError, unknown_name
 from particell.particles import Group
+
+Boundaries = Sequence[Reservoir | FixedValueWall | FluxWall]
 
 
 @dataclass
@@ -34,11 +44,14 @@ class Tables:
         float64 (G, G, S), the diffusivity between a particle of the first and one of the second
         group, see :func:`pair_diffusivity`.
     status
-        int64 (G, S): ``FREE``, ``HELD`` (a reservoir) or ``WALL_VALUE``.
+        int64 (G, S): ``FREE``, ``HELD`` (a reservoir), ``WALL_VALUE`` or ``WALL_FLUX``.
     value
-        float64 (G, S), the concentration that is kept, in mol/m³.
+        float64 (G, S), the concentration that is kept, or outside of a flux wall, in mol/m³.
+    flux, transfer
+        float64 (G, S), of flux walls: in mol/m²/s, and in m/s.
     reactants
         int64 (R, 3), the species of the rate's factors, -1 for none; equal ones are neighbours.
+        In the tables of molecules S + a stands for column a of the concentrations.
     repeats
         int64 (R, 3), how often the factor's species came before (falling factorials).
     net
@@ -51,6 +64,15 @@ class Tables:
         int64 (R,): 0 for mass action, m + 1 for the m-th function of ``laws``.
     laws
         User-given rate laws or propensities.
+    partner
+        int64 (S,), for a species that switches its column in the tables of the other kind; -1.
+    takes_part
+        uint8 (R, S), whether a species takes part in a reaction.
+    shared
+        uint8 (R,), of molecules: 1 for a reaction that stands in both tables, as all its species
+        may be amounts.
+    net_amount
+        int64 (R, A), of molecules: change of each concentration, in molecules.
     """
 
     names: list[str]
@@ -66,6 +88,17 @@ class Tables:
     volume_power: np.ndarray
     law: np.ndarray
     laws: list[Any]
+    flux: np.ndarray
+    transfer: np.ndarray
+    partner: np.ndarray
+    takes_part: np.ndarray
+    shared: np.ndarray
+    net_amount: np.ndarray
+
+    @property
+    def switching(self) -> np.ndarray:
+        """Columns of the species that switch."""
+        return np.flatnonzero(self.partner >= 0)
 
     @property
     def reactions(self) -> int:
@@ -74,8 +107,8 @@ class Tables:
 
     @property
     def diffusing(self) -> np.ndarray:
-        """Columns of the species that diffuse somewhere."""
-        moving = self.pair_diffusivity.any(axis=(0, 1))
+        """Columns of the species that diffuse somewhere or come through a wall."""
+        moving = self.pair_diffusivity.any(axis=(0, 1)) | (self.status == WALL_FLUX).any(axis=0)
         return np.flatnonzero(moving).astype(np.int64)
 
 
@@ -98,7 +131,7 @@ def pair_diffusivity(diffusivity: np.ndarray, status: np.ndarray) -> np.ndarray:
 def build_tables(
     species: Sequence[Species],
     reactions: Sequence[Reaction],
-    boundaries: Sequence[Reservoir | FixedValueWall],
+    boundaries: Boundaries,
     groups: Sequence[Group],
 ) -> tuple[Tables, Tables]:
     """The tables of concentrations and those of molecules.
@@ -106,8 +139,8 @@ def build_tables(
     Raises
     ------
     InputError
-        For unknown names, doubled species, reactions that mix the two kinds of species or take
-        place nowhere.
+        For unknown names, doubled species, reactions that take place nowhere, and rate laws that
+        do not fit the kind of their species.
     """
     known = {s.name: s for s in species}
     if len(known) < len(species):
@@ -116,37 +149,47 @@ def build_tables(
     _check_names(known, reactions, boundaries, group_index)
     kinds: dict[bool, list[Reaction]] = {False: [], True: []}
     for reaction in reactions:
-        molecules = {known[name].molecules for name in reaction.names}
-        if len(molecules) > 1:
-            raise InputError(
-                "reaction",
-                reaction.label,
-                "between concentrations only or between molecules only "
-                "(a reaction that mixes the two kinds of species is not supported yet)",
-            )
-        kind = molecules.pop()
-        if not kind and (reaction.units == "molecules" or reaction.propensity is not None):
-            raise InputError(
-                "reaction",
-                reaction.label,
-                "between molecules where it has a propensity or units='molecules'",
-            )
-        if kind and reaction.rate_law is not None:
-            raise InputError(
-                "reaction", reaction.label, "given a propensity, not a rate_law, for molecules"
-            )
-        kinds[kind].append(reaction)
-    both = [
-        _tables([s for s in species if s.molecules is kind], kinds[kind], boundaries, groups)
-        for kind in (False, True)
-    ]
-    return both[0], both[1]
+        taking_part = [known[name] for name in reaction.names]
+        whole = any(s.molecules for s in taking_part)
+        _check_law(reaction, taking_part, whole)
+        if whole:
+            kinds[True].append(reaction)
+        if all(not s.molecules or s.switches for s in taking_part):
+            kinds[False].append(reaction)
+    amounts = [s for s in species if not s.molecules or s.switches]
+    counts = [s for s in species if s.molecules]
+    first = _tables(amounts, kinds[False], boundaries, groups, None)
+    second = _tables(counts, kinds[True], boundaries, groups, first)
+    for s in second.switching:
+        first.partner[second.partner[s]] = s
+        # what a reservoir keeps are its molecules
+        held = first.status[:, second.partner[s]] == HELD
+        first.status[held, second.partner[s]] = FREE
+    return first, second
+
+
+def _check_law(reaction: Reaction, species: Sequence[Species], molecules: bool) -> None:
+    """Refuse rate laws that do not fit the kind of the species."""
+    label = reaction.label
+    own = reaction.rate_law is not None or reaction.propensity is not None
+    if not molecules and (reaction.units == "molecules" or reaction.propensity is not None):
+        raise InputError(
+            "reaction", label, "between molecules where it has a propensity or units='molecules'"
+        )
+    if molecules and reaction.rate_law is not None:
+        raise InputError("reaction", label, "given a propensity, not a rate_law, for molecules")
+    if own and len({s.molecules for s in species}) > 1:
+        raise InputError("reaction", label, "of mass action, with molecules and concentrations")
+    if any(s.switches for s in species) and (own or reaction.units == "molecules"):
+        raise InputError(
+            "reaction", label, "of mass action in units of concentration, with species that switch"
+        )
 
 
 def _check_names(
     known: Mapping[str, Species],
     reactions: Sequence[Reaction],
-    boundaries: Sequence[Reservoir | FixedValueWall],
+    boundaries: Boundaries,
     groups: Mapping[str, int],
 ) -> None:
     def check(what: str, names: Sequence[str], allowed: Mapping[str, Any]) -> None:
@@ -172,15 +215,18 @@ def _check_names(
 def _tables(
     species: list[Species],
     reactions: list[Reaction],
-    boundaries: Sequence[Reservoir | FixedValueWall],
+    boundaries: Boundaries,
     groups: Sequence[Group],
+    other: Tables | None,
 ) -> Tables:
+    """The tables of one kind of species; ``other`` are those of concentrations, for molecules."""
     names = [s.name for s in species]
     shape = (len(groups), len(names))
     present = np.array(
         [[s.is_in(g.name, g.kind) for s in species] for g in groups], dtype=bool
     ).reshape(shape)
     status, value = np.zeros(shape, np.int64), np.zeros(shape)
+    flux, transfer = np.zeros(shape), np.zeros(shape)
     group_names = [g.name for g in groups]
     for boundary in boundaries:
         g = group_names.index(boundary.group)
@@ -192,6 +238,10 @@ def _tables(
                 raise InputError(f"{name} in {boundary.group}", concentration, "set only once")
             held = isinstance(boundary, Reservoir)
             status[g, s] = HELD if held else WALL_VALUE
+            if isinstance(boundary, FluxWall):
+                status[g, s] = WALL_FLUX
+                flux[g, s] = boundary.flux.get(name, 0.0)
+                transfer[g, s] = boundary.transfer.get(name, (0.0, 0.0))[0]
             value[g, s] = concentration
             present[g, s] = held
     diffusivity = np.array(
@@ -214,45 +264,68 @@ def _tables(
         volume_power=np.zeros(count, np.int64),
         law=np.zeros(count, np.int64),
         laws=[],
+        flux=flux,
+        transfer=transfer,
+        partner=np.full(len(names), -1, np.int64),
+        takes_part=np.zeros((count, len(names)), np.uint8),
+        shared=np.zeros(count, np.uint8),
+        net_amount=np.zeros((count, len(other.names) if other else 0), np.int64),
     )
+    if other is not None:
+        for s, each in enumerate(species):
+            if each.switches:
+                tables.partner[s] = other.names.index(each.name)
     for r, (reaction, back) in enumerate(directions):
-        _fill_reaction(tables, r, reaction, back, groups)
+        _fill_reaction(tables, r, reaction, back, groups, other)
     return tables
 
 
 def _fill_reaction(
-    tables: Tables, r: int, reaction: Reaction, back: bool, groups: Sequence[Group]
+    tables: Tables,
+    r: int,
+    reaction: Reaction,
+    back: bool,
+    groups: Sequence[Group],
+    other: Tables | None,
 ) -> None:
     sides = (reaction.reactants or {}, reaction.products or {})
     left, right = sides[::-1] if back else sides
-    for name, coefficient in left.items():
-        tables.net[r, tables.names.index(name)] -= coefficient
-    for name, coefficient in right.items():
-        tables.net[r, tables.names.index(name)] += coefficient
+    for side, sign in ((left, -1), (right, 1)):
+        for name, coefficient in side.items():
+            if name in tables.names:
+                tables.net[r, tables.names.index(name)] += sign * coefficient
+                tables.takes_part[r, tables.names.index(name)] = 1
+            elif other is not None:
+                tables.net_amount[r, other.names.index(name)] += sign * coefficient
+    if other is not None:
+        tables.shared[r] = all(name in other.names for name in reaction.names)
     law = reaction.rate_law or reaction.propensity
     if law is not None:
         tables.laws.append(law if hasattr(law, "py_func") else njit(law))
         tables.law[r] = len(tables.laws)
     else:
-        place = 0
-        for name, coefficient in left.items():
-            for repeat in range(coefficient):
-                tables.reactants[r, place] = tables.names.index(name)
-                tables.repeats[r, place] = repeat
-                place += 1
+        for place, (name, repeat) in enumerate(_factors(left)):
+            tables.reactants[r, place] = _slot(name, tables, other)
+            tables.repeats[r, place] = repeat
         if reaction.units == "concentration":
-            tables.volume_power[r] = 1 - place
-    columns = [tables.names.index(name) for name in reaction.names]
+            tables.volume_power[r] = 1 - sum(left.values())
     rate = reaction.backward if back else reaction.forward
-    allowed: np.ndarray = np.all(tables.present[:, columns], axis=1)
+    allowed = np.ones(len(groups), dtype=bool)
+    missing: dict[int, list[str]] = {g: [] for g in range(len(groups))}
+    for name in reaction.names:
+        holds = tables if name in tables.names else other
+        assert holds is not None
+        column = holds.present[:, holds.names.index(name)]
+        allowed &= column
+        for index in np.flatnonzero(~column).tolist():
+            missing[index].append(name)
     for g, group in enumerate(groups):
         named = reaction.only_in is None or group.name in reaction.only_in
         if reaction.only_in is not None and named and not allowed[g]:
-            missing = [n for n in reaction.names if not tables.present[g, tables.names.index(n)]]
             raise InputError(
                 f"only_in of reaction {reaction.label}",
                 group.name,
-                f"a group that holds all its species ({', '.join(missing)} cannot be there)",
+                f"a group that holds all its species ({', '.join(missing[g])} cannot be there)",
             )
         if named and allowed[g]:
             tables.rate[g, r] = rate.get(group.name, 0.0) if isinstance(rate, Mapping) else rate
@@ -260,6 +333,21 @@ def _fill_reaction(
         raise InputError(
             "reaction", reaction.label, "between species that some group holds together"
         )
+
+
+def _factors(side: Mapping[str, int]) -> Iterator[tuple[str, int]]:
+    """Each factor of a rate, with how often its species came before."""
+    for name, coefficient in side.items():
+        for repeat in range(coefficient):
+            yield name, repeat
+
+
+def _slot(name: str, tables: Tables, other: Tables | None) -> int:
+    """Number of a species as it stands in ``reactants``."""
+    if name in tables.names:
+        return tables.names.index(name)
+    assert other is not None
+    return len(tables.names) + other.names.index(name)
 
 
 def dispatcher(laws: Sequence[Any], arguments: str) -> Any:

@@ -67,7 +67,7 @@ def parse_reaction(equation: str) -> tuple[dict[str, int], dict[str, int], bool]
 
 @dataclass(frozen=True)
 class Reaction:
-    """A reaction between species that are all concentrations, or all molecules.
+    """A reaction between species: concentrations, molecules, or both (mass action only).
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-r"""Boundaries of species: reservoirs, walls with a surface value, sponges.
+r"""Boundaries of species: reservoirs, walls with a surface value or a flux, sponges.
 
 What comes in through them is *booked*: the fields ``amount_booked`` and ``count_booked`` hold, for
 each particle and species, what came in (+) and went out (-) there since the beginning, so that the
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from particell.errors import InputError
 from particell.materials import AVOGADRO
 
 # What a species is to the particles of a group.
-FREE, HELD, WALL_VALUE = 0, 1, 2
+FREE, HELD, WALL_VALUE, WALL_FLUX = 0, 1, 2, 3
 
 
 @dataclass(frozen=True)
@@ -69,6 +69,58 @@ class FixedValueWall:
         _check_values(self)
 
 
+@dataclass(frozen=True)
+class FluxWall:
+    r"""A wall with a given flux, or with a flux in proportion to a difference (Neumann, Robin).
+
+    .. math:: q = q_0 + k\,(C_{ext} - C_w)
+
+    is what enters the fluid, in mol/m²/s, C_w the concentration at the surface; see
+    :mod:`particell.chemistry.fluxes`. Walls are impermeable to species that they do not name.
+
+    Parameters
+    ----------
+    group
+        The wall's particles.
+    flux
+        q_0 >= 0 by species, in mol/m²/s. (A sink is a transfer to C_ext = 0.)
+    transfer
+        (k in m/s, C_ext in mol/m³) by species.
+    area
+        Area of the surface that fluid touches, in m² (in 2D its length times the domain's depth);
+        what enters is q times this area exactly. By default it is found from the wall's
+        particles, which are right for plane and curved walls of two or more regular layers.
+    """
+
+    group: str
+    flux: Mapping[str, float] = field(default_factory=dict)
+    transfer: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    area: float | None = None
+
+    def __post_init__(self) -> None:
+        key = f"FluxWall {self.group}"
+        for name in ("flux", "transfer"):
+            if not isinstance(getattr(self, name), Mapping):
+                raise InputError(f"{name} of {key}", getattr(self, name), "a table by species")
+        if not self.flux and not self.transfer:
+            raise InputError(f"flux of {key}", self.flux, "a flux or a transfer of some species")
+        for name, flux in self.flux.items():
+            checked_rate(f"flux of {name} in {key}", flux)
+        for name, pair in self.transfer.items():
+            if not isinstance(pair, tuple | list) or len(pair) != 2:
+                raise InputError(f"transfer of {name} in {key}", pair, "a pair (k, C_ext)")
+            for number in pair:
+                checked_rate(f"transfer of {name} in {key}", number)
+        if self.area is not None and checked_rate(f"area of {key}", self.area) == 0:
+            raise InputError(f"area of {key}", self.area, "positive")
+
+    @property
+    def values(self) -> dict[str, float]:
+        """C_ext by species, 0 where only a flux is given."""
+        external = {name: float(pair[1]) for name, pair in self.transfer.items()}
+        return {**dict.fromkeys(self.flux, 0.0), **external}
+
+
 def _check_values(boundary: Reservoir | FixedValueWall) -> None:
     kind = type(boundary).__name__
     if not isinstance(boundary.values, Mapping) or not boundary.values:
@@ -102,11 +154,16 @@ def hold_counts(i, group, volume, depth, status, value, count, count_booked):
 
 
 @particle_loop
-def relax_amounts(i, fraction, target, s, volume, amount, amount_booked):
+def relax_amounts(
+    i, fraction, target, s, partner, continuous, volume, amount, amount_booked, *, SWITCH
+):
     """Sponge: n <- n - (n - C_target V) f with the particle's own f in [0, 1]; booked.
 
     ``fraction`` (n,) is f, ``target`` (n,) the concentration in mol/m³, s the species' column.
+    With ``SWITCH`` only where the species is an amount.
     """
+    if SWITCH and partner[s] >= 0 and continuous[i, partner[s]] == 0:
+        return
     change = (target[i] * volume[i] - amount[i, s]) * fraction[i]
     amount[i, s] += change
     amount_booked[i, s] += change
@@ -114,9 +171,27 @@ def relax_amounts(i, fraction, target, s, volume, amount, amount_booked):
 
 @particle_loop
 def relax_counts(
-    i, fraction, target, s, volume, depth, id, step, key0, key1, group, status, count, count_booked
+    i,
+    fraction,
+    target,
+    s,
+    step,
+    volume,
+    depth,
+    id,
+    key0,
+    key1,
+    group,
+    status,
+    continuous,
+    count,
+    count_booked,
+    *,
+    SWITCH,
 ):
     """Sponge for molecules: the change (C_target V 𝒩 - N) f, rounded without bias; booked."""
+    if SWITCH and continuous[i, s] != 0:
+        return
     if status[group[i], s] == 0 and fraction[i] > 0.0:
         change = (target[i] * volume[i] * depth * AVOGADRO - count[i, s]) * fraction[i]
         # rounding what is taken away keeps the number from going below zero

@@ -44,17 +44,25 @@ class Species:
         The group or groups that hold the species; it does not diffuse across to others. By
         default all groups of kind fluid. A group of kind wall (a membrane of fixed particles)
         holds the species only where it is named here or in ``diffusivity``.
+    switch_above, switch_below
+        For molecules: a particle with more than ``switch_above`` of them goes over to an amount
+        that is diffused and reacts deterministically, and back to molecules where that is worth
+        fewer than ``switch_below``; see :mod:`particell.chemistry.switching`. By default molecules
+        stay molecules.
 
     Raises
     ------
     InputError
-        For a name that cannot stand in a reaction and for a negative diffusivity.
+        For a name that cannot stand in a reaction, a negative diffusivity, and thresholds that
+        leave no room between them.
     """
 
     name: str
     diffusivity: float | Mapping[str, float] = 0.0
     molecules: bool = False
     only_in: str | Sequence[str] | None = None
+    switch_above: float | None = None
+    switch_below: float | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name.isidentifier():
@@ -68,6 +76,29 @@ class Species:
         if not isinstance(self.molecules, bool):
             raise InputError(f"molecules of {self.name}", self.molecules, "True or False")
         object.__setattr__(self, "only_in", group_names(self.name, self.only_in))
+        self._check_switch()
+
+    @property
+    def switches(self) -> bool:
+        """Whether particles may hold the species as molecules or as an amount."""
+        return self.switch_above is not None
+
+    def _check_switch(self) -> None:
+        above, below = self.switch_above, self.switch_below
+        if above is None and below is None:
+            return
+        if above is None or below is None:
+            raise InputError(f"switch of {self.name}", (above, below), "both thresholds")
+        above = checked_rate(f"switch_above of {self.name}", above)
+        below = checked_rate(f"switch_below of {self.name}", below)
+        if not self.molecules:
+            raise InputError(f"switch_above of {self.name}", above, "set with molecules=True only")
+        if not 1 <= below < above:
+            raise InputError(
+                f"switch_below of {self.name}",
+                below,
+                f"at least 1 and below switch_above ({above:g})",
+            )
 
     def is_in(self, group: str, kind: str) -> bool:
         """Whether a group (of kind ``"fluid"`` or ``"wall"``) holds the species."""

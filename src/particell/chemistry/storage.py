@@ -9,7 +9,7 @@ from numba import config
 
 from particell.chemistry import massaction
 from particell.chemistry.network import Tables
-from particell.chemistry.reservoirs import WALL_VALUE
+from particell.chemistry.reservoirs import WALL_FLUX, WALL_VALUE
 from particell.compute.device import Device
 from particell.compute.loop import particle_loop
 from particell.errors import InputError
@@ -27,12 +27,30 @@ def prepare(i, mass, density, amount, volume, concentration, *, COLUMNS):
         concentration[i, s] = amount[i, s] / volume[i]
 
 
+@particle_loop
+def remember(i, amount, amount_booked, amount_before, booked_before, *, COLUMNS):
+    """Keep the amounts at the beginning of Heun's method."""
+    for s in range(COLUMNS):
+        amount_before[i, s] = amount[i, s]
+        booked_before[i, s] = amount_booked[i, s]
+
+
+@particle_loop
+def average(i, amount, amount_booked, amount_before, booked_before, *, COLUMNS):
+    """The mean of the amounts before and after two explicit steps: Heun's method."""
+    for s in range(COLUMNS):
+        amount[i, s] = 0.5 * (amount_before[i, s] + amount[i, s])
+        amount_booked[i, s] = 0.5 * (booked_before[i, s] + amount_booked[i, s])
+
+
 def scratch_fields(
     device: Device,
     particles: Particles,
     deterministic: Tables,
     stochastic: Tables,
     surface: bool,
+    flux: bool,
+    strang: bool,
     normalise: bool,
 ) -> dict[str, Any]:
     """Work arrays, no larger than what the species need."""
@@ -42,8 +60,12 @@ def scratch_fields(
     molecules = n if stochastic.names else 1
     fields: dict[str, Any] = {
         "volume": zeros(n, np.float64),
+        "facing": zeros(n if flux else 1, np.float64),
+        "wall_scale": zeros(len(particles.groups), np.float64),
         "kernel_sum": zeros(n if normalise else 1, np.float64),
         "concentration": zeros((n if columns else 1, max(columns, 1)), np.float64),
+        "amount_before": zeros((n if strang and columns else 1, max(columns, 1)), np.float64),
+        "booked_before": zeros((n if strang and columns else 1, max(columns, 1)), np.float64),
         "cumulative": zeros(1, np.float32),
         "leave_rate": zeros(molecules, np.float64),
         "inflow": zeros(molecules, np.float64),
@@ -52,32 +74,49 @@ def scratch_fields(
         "landed": zeros((threads, molecules), np.int64),
         "counters": zeros((threads, COUNTERS), np.int64),
         "event_counter": zeros((threads, COUNTERS), np.int64),
+        "no_amount": zeros((1, 1), np.float64),
+        "no_count": zeros((1, 1), np.int64),
+        "no_continuous": zeros((1, 1), np.uint8),
         "zero_counters": np.zeros((threads, COUNTERS), np.int64),
     }
     if deterministic.reactions:
         lanes = min(massaction.LANES, n)
-        fields["work"] = zeros((lanes, massaction.work_columns(columns)), np.float64)
+        length = massaction.work_columns(columns, deterministic.reactions)
+        fields["work"] = zeros((lanes, length), np.float64)
         fields["substeps"] = zeros(lanes, np.int64)
     dim = particles.dim
     shapes: dict[str, Any] = {"wall_normal": (1, dim), "wall_depth": 1, "wall_curvature": 1}
     for name, shape in shapes.items():
         if name not in particles:
-            if surface:
+            if surface or flux:
                 raise InputError(
-                    "FixedValueWall", name, "on walls whose particles know their surface"
+                    "FixedValueWall" if surface else "FluxWall",
+                    name,
+                    "on walls whose particles know their surface",
                 )
             fields[name] = zeros(shape)
     return fields
 
 
-def table_fields(device: Device, tables: Tables, field: str) -> dict[str, Any]:
-    """The tables of one kind of species (``field``: ``"amount"`` or ``"count"``)."""
+def table_fields(device: Device, tables: Tables, receives: np.ndarray) -> dict[str, Any]:
+    """The tables of one kind of species.
+
+    ``receives`` (G,) tells which groups take what comes through a wall.
+    """
     array = device.array
-    fields = {
+    return {
         "pair_kappa": array(tables.pair_diffusivity),
         "status": array(tables.status),
         "value": array(tables.value),
+        "inward": array(tables.flux),
+        "transfer": array(tables.transfer),
+        "diffusivity": array(tables.diffusivity),
+        "receives": array((tables.present & receives[:, None]).astype(np.uint8)),
         "columns": array(tables.diffusing),
+        "partner": array(tables.partner),
+        "takes_part": array(tables.takes_part),
+        "shared": array(tables.shared),
+        "net_amount": array(tables.net_amount),
         "reactants": array(tables.reactants),
         "repeats": array(tables.repeats),
         "net": array(tables.net),
@@ -85,21 +124,31 @@ def table_fields(device: Device, tables: Tables, field: str) -> dict[str, Any]:
         "volume_power": array(tables.volume_power),
         "law": array(tables.law),
     }
-    if not tables.names:
-        fields[field] = device.zeros((1, 1), np.float64 if field == "amount" else np.int64)
-    return fields
 
 
-def shared_jump_tables(device: Device, tables: Tables) -> list[tuple[dict[str, Any], list[int]]]:
-    """The tables of single species, each with the columns of the species that share it."""
+def shared_jump_tables(
+    device: Device, tables: Tables, receives: np.ndarray
+) -> list[tuple[dict[str, Any], list[int]]]:
+    """The tables of single species, each with the columns of the species that share it.
+
+    A species that switches has one of its own: where it is an amount differs.
+    """
     shared: dict[bytes, tuple[dict[str, Any], list[int]]] = {}
     for s in tables.diffusing:
-        kappa = np.ascontiguousarray(tables.pair_diffusivity[:, :, s])
         status = np.ascontiguousarray(tables.status[:, s])
-        value = np.where(status == WALL_VALUE, tables.value[:, s], 0.0)
-        key = kappa.tobytes() + status.tobytes() + value.tobytes()
+        at_wall = (status == WALL_VALUE) | (status == WALL_FLUX)
+        arrays = {
+            "pair_kappa": np.ascontiguousarray(tables.pair_diffusivity[:, :, s]),
+            "status": status,
+            "value": np.where(at_wall, tables.value[:, s], 0.0),
+            "inward": np.ascontiguousarray(tables.flux[:, s]),
+            "transfer": np.ascontiguousarray(tables.transfer[:, s]),
+            "diffusivity": np.ascontiguousarray(tables.diffusivity[:, s]),
+            "receives": (tables.present[:, s] & receives).astype(np.uint8),
+        }
+        own = int(s) if tables.partner[s] >= 0 else -1
+        key = b"".join(a.tobytes() for a in arrays.values()) + str(own).encode()
         if key not in shared:
-            arrays = {"pair_kappa": kappa, "status": status, "value": value}
             shared[key] = {k: device.array(a) for k, a in arrays.items()}, []
         shared[key][1].append(int(s))
     return list(shared.values())

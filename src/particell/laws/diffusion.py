@@ -12,7 +12,15 @@ antisymmetric in i and j: amounts are conserved to round-off whatever the volume
 
 At wall particles with a surface value :math:`C_w` the difference :math:`C_j - C_i` becomes
 :math:`(1 + d_j/d_i)(C_w - C_i)`, see :mod:`particell.boundaries.wall`, with the fluid particle's
-diffusivity.
+diffusivity. At a wall with a flux :math:`q_0 + k (C_{ext} - C_w)` the term of its particle j is
+
+.. math:: a_{ij} \left[q_0 + \frac{C_{ext} - C_i}{1/k + d_i/\kappa_i}\right],\qquad
+    a_{ij} = 2 \lambda V_i V_j F_{ij} s_{ij} (d_i + d_j),
+
+which is the exchange with a neighbour whose value is extrapolated along the flux: a linear profile
+is steady. The fraction eliminates the surface value C_w from the flux through the distance d_i.
+The areas a_ij are scaled by λ such that their sum is the wall's area, see
+:mod:`particell.chemistry.fluxes`.
 
 References
 ----------
@@ -26,7 +34,7 @@ import math
 
 from numba import njit
 
-from particell.boundaries.wall import extrapolation, surface_distance
+from particell.boundaries.wall import CLOSEST, extrapolation, surface_distance
 from particell.compute.loop import FASTMATH, particle_loop
 from particell.compute.rounding import nearest_integer
 from particell.kernels import power, shape_f
@@ -61,10 +69,10 @@ def pair_f(r2, h, alpha, DIM, KERNEL):
 
 
 @njit(error_model="numpy", fastmath=FASTMATH)
-def surface_factor(
-    x, support, wall_normal, wall_depth, wall_curvature, i, j, period, inverse_period, DIM
+def distance_from_wall(
+    x, wall_normal, wall_depth, wall_curvature, i, j, period, inverse_period, DIM
 ):
-    """1 + d_j/d_i for fluid particle i and wall particle j."""
+    """Distance of particle i from the surface of wall particle j, in m."""
     tx, ty, tz, nx, ny, nz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     depth = wall_depth[j]
     nx = wall_normal[j, 0]
@@ -78,8 +86,37 @@ def surface_factor(
         nz = wall_normal[j, 2]
         tz = x[i, 2] - x[j, 2]
         tz -= period[2] * nearest_integer(tz * inverse_period[2]) + depth * nz
-    distance = surface_distance(tx, ty, tz, nx, ny, nz, wall_curvature[j])
-    return extrapolation(distance, depth, support[i])
+    return surface_distance(tx, ty, tz, nx, ny, nz, wall_curvature[j])
+
+
+@njit(error_model="numpy", fastmath=FASTMATH)
+def surface_factor(
+    x, support, wall_normal, wall_depth, wall_curvature, i, j, period, inverse_period, DIM
+):
+    """1 + d_j/d_i for fluid particle i and wall particle j."""
+    distance = distance_from_wall(
+        x, wall_normal, wall_depth, wall_curvature, i, j, period, inverse_period, DIM
+    )
+    return extrapolation(distance, wall_depth[j], support[i])
+
+
+@njit(error_model="numpy", fastmath=FASTMATH)
+def wall_distance(
+    x, support, wall_normal, wall_depth, wall_curvature, i, j, period, inverse_period, DIM
+):
+    """d_i of fluid particle i and wall particle j, bounded below as in :func:`surface_factor`."""
+    distance = distance_from_wall(
+        x, wall_normal, wall_depth, wall_curvature, i, j, period, inverse_period, DIM
+    )
+    return max(distance, CLOSEST * support[i])
+
+
+@njit(error_model="numpy", fastmath=FASTMATH)
+def exchange_velocity(transfer, diffusivity, distance):
+    """1/(1/k + d/κ) in m/s: transfer through the surface and diffusion up to it, in series."""
+    if transfer * diffusivity == 0.0:
+        return 0.0
+    return transfer * diffusivity / (diffusivity + transfer * distance)
 
 
 @particle_loop
@@ -131,9 +168,16 @@ def diffuse(
     pair_kappa,
     status,
     value,
+    inward,
+    transfer,
+    diffusivity,
+    receives,
+    wall_scale,
     wall_normal,
     wall_depth,
     wall_curvature,
+    partner,
+    continuous,
     concentration,
     amount,
     amount_booked,
@@ -143,11 +187,14 @@ def diffuse(
     UNIFORM,
     NORMALISE,
     SURFACE,
+    FLUX,
+    SWITCH,
 ):
     """Exchange of all diffusing species (``columns``) during tau; see the module's docstring.
 
     ``pair_kappa`` (G, G, S) holds the mean diffusivity of a pair of groups. What comes through
-    surface values is booked by the fluid particle.
+    surfaces is booked by the fluid particle. With ``SWITCH`` particles that hold molecules of a
+    species (``continuous`` of its column ``partner``) are left to their jumps.
     """
     g = group[i]
     h = support[i]
@@ -164,6 +211,31 @@ def diffuse(
         for m in range(len(columns)):
             s = columns[m]
             flux = weight * pair_kappa[g, other, s]
+            if SWITCH and partner[s] >= 0:
+                if continuous[i, partner[s]] == 0:
+                    continue
+                if continuous[j, partner[s]] == 0 and status[other, s] < 2:
+                    continue
+            if FLUX and status[other, s] == 3:
+                if receives[g, s] != 0:
+                    distance = wall_distance(
+                        x,
+                        support,
+                        wall_normal,
+                        wall_depth,
+                        wall_curvature,
+                        i,
+                        j,
+                        period,
+                        inverse_period,
+                        DIM,
+                    )
+                    speed = exchange_velocity(transfer[other, s], diffusivity[g, s], distance)
+                    flux = weight * (distance + wall_depth[j]) * wall_scale[other]
+                    flux *= inward[other, s] + speed * (value[other, s] - concentration[i, s])
+                    amount_booked[i, s] += flux
+                    amount[i, s] += flux
+                continue
             if SURFACE and status[other, s] == 2:
                 if flux > 0.0:
                     flux *= surface_factor(

@@ -1,0 +1,147 @@
+"""The steps of exact diffusion: which loop of :mod:`particell.chemistry.jumps` runs when."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from particell.chemistry import jumps
+from particell.chemistry.jumprates import jump_rates
+from particell.compute.device import Device
+from particell.compute.reduce import Reduction
+from particell.errors import RunError
+
+
+class CandidateTable:
+    """Conditional probabilities of further candidate jumps, on the device, for one mean number."""
+
+    def __init__(self, device: Device, law: Callable[[float, int], np.ndarray]):
+        self.device, self.law = device, law
+        self.array = device.zeros(0, np.float64)
+        self.mean = math.nan
+
+    def reserve(self, length: int) -> None:
+        """A new array, with room for twice a length."""
+        self.array = self.device.zeros(2 * length, np.float64)
+        self.mean = math.nan
+
+    def fill(self, mean: float, length: int) -> None:
+        """Write the table; nothing where it is that of this mean already."""
+        if mean != self.mean:
+            host = np.zeros(len(self.array))
+            host[:length] = self.law(mean, length)
+            self.device.write(self.array, host)
+            self.mean = mean
+
+
+class Walks:
+    """Diffusion of the species of molecules that share one table of jump rates.
+
+    Parameters
+    ----------
+    device
+        Where loops run.
+    fields
+        All arrays and numbers of the loops by name (see :mod:`particell.chemistry.storage`).
+    constants
+        Compile-time constants of the jump rates.
+    columns
+        The species, by their columns in the field ``count``.
+    partner
+        The columns of their amounts, -1 for a species that does not switch.
+    open_ended
+        Whether molecules may come in from outside.
+    """
+
+    def __init__(
+        self,
+        device: Device,
+        fields: Mapping[str, Any],
+        constants: dict[str, Any],
+        columns: list[int],
+        partner: np.ndarray,
+        open_ended: bool,
+    ):
+        self.device, self.columns, self.open_ended = device, columns, open_ended
+        self.partner = [int(max(0, partner[s])) for s in columns]
+        self._fields, self._constants = dict(fields), constants
+        self._reduction = Reduction(device)
+        self._tables = (
+            CandidateTable(device, jumps.resident_probabilities),
+            CandidateTable(device, jumps.inflow_probabilities),
+        )
+        self._zeros = np.zeros(fields["counters"].shape, np.int64)
+        self._reserve(jumps.rounds_needed(4.0))
+        self._bind()
+
+    def _reserve(self, length: int) -> None:
+        for table in self._tables:
+            table.reserve(length)
+
+    def _bind(self) -> None:
+        bind, f = self.device.bind, self._fields
+        switch = {"SWITCH": self._constants["SWITCH"]}
+        self.rates = bind(jump_rates, {**f, "s": self.columns[0]}, **self._constants)
+        self.moves = [bind(jumps.move, {**f, "further": t.array}, **switch) for t in self._tables]
+        self.enter = bind(jumps.enter, f)
+        self.collect = bind(jumps.collect, f)
+        self.settle = bind(jumps.settle, f, **switch)
+
+    def run(self, n: int, step: int, tau: float, binomial_cost: float) -> int:
+        """Move the molecules of n particles during tau; the jumps made.
+
+        Raises
+        ------
+        RunError
+            Where a jump rate is not finite.
+        """
+        f = self._fields
+        self.rates(n)
+        fastest = self._reduction.max(f["leave_rate"])
+        if not math.isfinite(fastest):
+            bad = int(np.argmin(np.isfinite(self.device.to_host(f["leave_rate"]))))
+            particle = int(self.device.to_host(f["id"])[bad])
+            raise RunError(
+                "jump rate is not finite", step=step, time=math.nan, field="x", particle=particle
+            )
+        mean = fastest * tau
+        length = jumps.rounds_needed(mean)
+        if length > len(self._tables[0].array):
+            self._reserve(length)
+            self._bind()
+        made = 0
+        for s, column in zip(self.columns, self.partner, strict=True):
+            if fastest > 0:
+                self._tables[0].fill(mean, length)
+                numbers = (tau, fastest, binomial_cost, s, 2 * s, step, column)
+                made += self._rounds(n, 0, length, True, numbers)
+            if self.open_ended:
+                self.enter(n, tau, binomial_cost, s, 2 * s + 1, step)
+                jumped, pending = self._count_up()
+                self._tables[1].fill(mean, length)
+                numbers = (tau, fastest, binomial_cost, s, 2 * s + 1, step, column)
+                made += jumped + self._rounds(n, 1, length, pending, numbers)
+            self.settle(n, s, column)
+        return made
+
+    def _rounds(self, n: int, first: int, last: int, pending: bool, numbers: tuple) -> int:
+        """Rounds (from 0 for residents, 1 for those from outside) until all walks are over."""
+        made, m = 0, first
+        while pending and m < last:
+            if m > 0:
+                self.collect(n)
+            self.moves[first](n, m, *numbers)
+            jumped, pending = self._count_up()
+            made += jumped
+            m += 1
+        return made
+
+    def _count_up(self) -> tuple[int, bool]:
+        """Jumps of a round, and whether molecules are still on the way; counters are emptied."""
+        counters = self._fields["counters"]
+        totals = self.device.to_host(counters).sum(axis=0)
+        self.device.write(counters, self._zeros)
+        return int(totals[jumps.JUMPS]), bool(totals[jumps.PENDING])

@@ -10,7 +10,7 @@ import numpy as np
 from particell.errors import InputError
 from particell.geometry.domain import Domain
 from particell.geometry.fill import fitting_spacing, lattice
-from particell.geometry.shapes import Shape
+from particell.geometry.shapes import HalfSpace, Shape
 from particell.materials import Fluid
 from particell.particles import KINDS
 
@@ -141,8 +141,6 @@ def channel_walls(
     velocity
         Velocities of the two walls.
     """
-    from particell.geometry.shapes import HalfSpace
-
     steps = fitting_spacing(domain, spacing)
     phases = []
     for side, sign in (("lower", -1), ("upper", 1)):
@@ -169,6 +167,40 @@ def channel_walls(
                 surface=HalfSpace(corner, normal),
             )
         )
+    return phases
+
+
+def box_walls(
+    domain: Domain, material: Fluid, spacing: float, layers: int = 3, name: str = "wall"
+) -> list[Phase]:
+    """The walls on all sides of a closed box, as layers of particles outside the domain.
+
+    Named ``name-x-lower``, ``name-x-upper``, ``name-y-lower``, …; the corners belong to the walls
+    of the later axes, each of which is a plane. Parameters as for :func:`channel_walls`.
+    """
+    steps = fitting_spacing(domain, spacing)
+    phases = []
+    for axis, letter in zip(range(domain.dim), "xyz", strict=False):
+        for side, sign in (("lower", -1), ("upper", 1)):
+            lower, upper = domain.lower.copy(), domain.upper.copy()
+            lower[:axis] -= layers * steps[:axis]
+            upper[:axis] += layers * steps[:axis]
+            corner = domain.lower if sign < 0 else domain.upper
+            lower[axis] = corner[axis] - (layers * steps[axis] if sign < 0 else 0.0)
+            upper[axis] = corner[axis] + (layers * steps[axis] if sign > 0 else 0.0)
+            normal = np.zeros(domain.dim)
+            normal[axis] = -sign
+            phases.append(
+                Phase(
+                    f"{name}-{letter}-{side}",
+                    material,
+                    _slab(lower, upper, steps),
+                    float(np.prod(steps)),
+                    kind="wall",
+                    spacing=float(np.max(steps)),
+                    surface=HalfSpace(corner, normal),
+                )
+            )
     return phases
 
 

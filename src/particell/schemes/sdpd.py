@@ -268,7 +268,8 @@ class SDPDSolver:
         small = {k: o[k] for k in ("DIM", "KERNEL", "UNIFORM")}
         continuity = not self.summation
         if self.leapfrog:
-            half = {**fields, "density": fields["density_half"]}
+            # mass moves with the particles: with v alone the volumes drift away from what there is
+            half = {**fields, "density": fields["density_half"], "v": fields["transport"]}
             quiet = {**o, "NOISE": False, "SHIFT": False}
             self.density_sweep = bind(rates, half, **quiet, DENSITY=True, FORCE=False)
             self.predict_density = bind(updates.predict_density, fields)

@@ -10,7 +10,8 @@ import numpy as np
 from particell.boundaries.reflection import Reflection, reflect, surface_table
 from particell.boundaries.sponge import Sponge, relax_velocity, share_of_target
 from particell.errors import InputError, RunError
-from particell.laws.buoyancy import Buoyancy, add_buoyancy
+from particell.kernels import kernel_code
+from particell.laws.buoyancy import Buoyancy, add_buoyancy, add_wall_head
 from particell.materials import AVOGADRO
 
 if TYPE_CHECKING:
@@ -131,12 +132,22 @@ class Forces:
 
     def apply(self) -> None:
         """Add all forces to the particles' accelerations."""
+        self._run(add_buoyancy, DIM=self.simulation.domain.dim)
+
+    def add_wall_heads(self) -> None:
+        """Add what the forces weigh to the pressure of walls."""
+        simulation = self.simulation
+        options = {"DIM": simulation.domain.dim, "KERNEL": kernel_code(simulation.scheme.kernel)}
+        self._run(add_wall_head, **options)
+
+    def _run(self, loop: Any, **constants: Any) -> None:
         simulation = self.simulation
         chemistry, particles = simulation.chemistry, simulation.particles
         for force, strength in zip(self.forces, self._strengths, strict=True):
             assert chemistry is not None
             whole = chemistry.species[force.species].molecules
             values = {
+                **simulation.neighbours.fields,
                 **particles.fields,
                 "content": particles["count" if whole else "amount"],
                 "s": chemistry.column(force.species),
@@ -144,8 +155,8 @@ class Forces:
                 "reference": force.reference,
                 "strength": strength,
             }
-            run = add_buoyancy.specialise(simulation.device.backend, DIM=simulation.domain.dim)
-            run(len(particles), *(values[name] for name in add_buoyancy.arguments))
+            run = loop.specialise(simulation.device.backend, **constants)
+            run(len(particles), *(values[name] for name in loop.arguments))
 
 
 class Monitor:

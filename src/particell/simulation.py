@@ -137,7 +137,9 @@ class Simulation:
         self.constraints = Constraints(self, boundaries)
         if isinstance(self.solver, SDPDSolver):
             self.solver.after_drift = self.constraints.reflect  # type: ignore[method-assign]
-            self.solver.after_forces = Forces(self, forces).apply  # type: ignore[method-assign]
+            acting = Forces(self, forces)
+            self.solver.after_forces = acting.apply  # type: ignore[method-assign]
+            self.solver.after_wall_pressure = acting.add_wall_heads  # type: ignore[method-assign]
         self.monitor = Monitor(self)
         self.automatic = dt == "auto"
         self.step, self.time = 0, 0.0

@@ -154,7 +154,8 @@ class NaturalConvection(Case):
         scheme = SDPD(
             support=SUPPORT,
             reference_speed=0.5 * v0,
-            pressure_drop=self.density * v0**2,  # what the lightest column weighs less
+            # what the lightest column, through the cylinder, weighs less than one along a wall
+            pressure_drop=0.5 * self.density * v0**2,
             shifting=self.shifting,
         )
         planes = [p.surface for p in phases if isinstance(p.surface, HalfSpace)]

@@ -355,6 +355,9 @@ class SDPDSolver:
     def after_forces(self) -> None:
         """Called when accelerations are known (forces that depend on species)."""
 
+    def after_wall_pressure(self) -> None:
+        """Called when walls have the fluid's pressure (heads of forces that depend on species)."""
+
     def _renew_list(self, dt: float) -> None:
         p = self.particles
         if self.neighbours.needs_build(p["x"], p["transport" if self.shifting else "v"], dt):
@@ -368,6 +371,7 @@ class SDPDSolver:
         self.equation_of_state(self.n, dt)
         if self.options["WALLS"]:
             self.wall_pressure(self.n)
+            self.after_wall_pressure()
 
     def _accelerate(self, step: int, dt: float, full: bool = False) -> None:
         sweep = self.full_sweep if full else self.force_sweep

@@ -142,32 +142,10 @@ def channel_walls(
         Velocities of the two walls.
     """
     steps = fitting_spacing(domain, spacing)
-    phases = []
-    for side, sign in (("lower", -1), ("upper", 1)):
-        lower, upper = domain.lower.copy(), domain.upper.copy()
-        if sign < 0:
-            upper[axis] = domain.lower[axis]
-            lower[axis] = upper[axis] - layers * steps[axis]
-        else:
-            lower[axis] = domain.upper[axis]
-            upper[axis] = lower[axis] + layers * steps[axis]
-        points = _slab(lower, upper, steps)
-        normal = np.zeros(domain.dim)
-        normal[axis] = -sign
-        corner = domain.lower if sign < 0 else domain.upper
-        phases.append(
-            Phase(
-                f"{name}-{side}",
-                material,
-                points,
-                float(np.prod(steps)),
-                kind="wall",
-                velocity=velocity[0] if sign < 0 else velocity[1],
-                spacing=float(np.max(steps)),
-                surface=HalfSpace(corner, normal),
-            )
-        )
-    return phases
+    return [
+        _plane_wall(domain, material, steps, layers, axis, side, f"{name}-{side}", velocity[k])
+        for k, side in enumerate(("lower", "upper"))
+    ]
 
 
 def box_walls(
@@ -175,33 +153,54 @@ def box_walls(
 ) -> list[Phase]:
     """The walls on all sides of a closed box, as layers of particles outside the domain.
 
-    Named ``name-x-lower``, ``name-x-upper``, ``name-y-lower``, …; the corners belong to the walls
-    of the later axes, each of which is a plane. Parameters as for :func:`channel_walls`.
+    They are named ``name-x-lower``, ``name-x-upper``, ``name-y-lower``, …; edges and corners belong
+    to the wall of the last axis there, and each wall is a plane. Parameters as for
+    :func:`channel_walls`.
     """
     steps = fitting_spacing(domain, spacing)
-    phases = []
-    for axis, letter in zip(range(domain.dim), "xyz", strict=False):
-        for side, sign in (("lower", -1), ("upper", 1)):
-            lower, upper = domain.lower.copy(), domain.upper.copy()
-            lower[:axis] -= layers * steps[:axis]
-            upper[:axis] += layers * steps[:axis]
-            corner = domain.lower if sign < 0 else domain.upper
-            lower[axis] = corner[axis] - (layers * steps[axis] if sign < 0 else 0.0)
-            upper[axis] = corner[axis] + (layers * steps[axis] if sign > 0 else 0.0)
-            normal = np.zeros(domain.dim)
-            normal[axis] = -sign
-            phases.append(
-                Phase(
-                    f"{name}-{letter}-{side}",
-                    material,
-                    _slab(lower, upper, steps),
-                    float(np.prod(steps)),
-                    kind="wall",
-                    spacing=float(np.max(steps)),
-                    surface=HalfSpace(corner, normal),
-                )
-            )
-    return phases
+    return [
+        _plane_wall(
+            domain, material, steps, layers, axis, side, f"{name}-{letter}-{side}", corners=axis
+        )
+        for axis, letter in zip(range(domain.dim), "xyz", strict=False)
+        for side in ("lower", "upper")
+    ]
+
+
+def _plane_wall(
+    domain: Domain,
+    material: Fluid,
+    steps: np.ndarray,
+    layers: int,
+    axis: int,
+    side: str,
+    name: str,
+    velocity: Velocity = None,
+    corners: int = 0,
+) -> Phase:
+    """Layers outside one face that go on beyond the domain along the first ``corners`` axes."""
+    thickness = layers * steps
+    lower, upper = domain.lower.copy(), domain.upper.copy()
+    beyond = np.arange(domain.dim) < corners
+    lower[beyond] -= thickness[beyond]
+    upper[beyond] += thickness[beyond]
+    normal = np.zeros(domain.dim)
+    if side == "lower":
+        corner, normal[axis] = domain.lower, 1.0
+        lower[axis], upper[axis] = corner[axis] - thickness[axis], corner[axis]
+    else:
+        corner, normal[axis] = domain.upper, -1.0
+        lower[axis], upper[axis] = corner[axis], corner[axis] + thickness[axis]
+    return Phase(
+        name,
+        material,
+        _slab(lower, upper, steps),
+        float(np.prod(steps)),
+        kind="wall",
+        velocity=velocity,
+        spacing=float(np.max(steps)),
+        surface=HalfSpace(corner, normal),
+    )
 
 
 def _slab(lower: np.ndarray, upper: np.ndarray, steps: np.ndarray) -> np.ndarray:

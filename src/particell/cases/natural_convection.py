@@ -62,7 +62,7 @@ class NaturalConvection(Case):
 
     name = "natural-convection"
     title = "Natural convection around a cylinder in a square cavity, driven by a solute"
-    full: ClassVar[Mapping[str, Any]] = {"resolution": 81, "end": 40.0}
+    full: ClassVar[Mapping[str, Any]] = {"resolution": 81}
 
     resolution: Annotated[int, Field(ge=20, le=400)] = 40
     """Particles along a side of the cavity."""

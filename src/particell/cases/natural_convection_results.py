@@ -246,7 +246,7 @@ def _field_figure(case: NaturalConvection, run: Run, kind: str):
     axes.fill(0.5 + 0.1 * np.cos(angle), 0.5 + 0.1 * np.sin(angle), color="0.85")
     axes.set(xlim=(0, 1), ylim=(0, 1), aspect="equal", xlabel="x / L", ylabel="y / L")
     axes.set_title(f"Ra = {case.rayleigh:g}, t = {run.times[-1] / case.time_unit:.4g} L/v₀")
-    figure.colorbar(mesh, ax=axes, label=label)
+    figure.colorbar(mesh, cax=axes.inset_axes((1.04, 0.0, 0.04, 1.0)), label=label)
     return figure
 
 
@@ -267,7 +267,7 @@ def _particles_figure(case: NaturalConvection, run: Run):
     middle = 0.6  # the top of the cylinder, where the plume leaves
     axes.set(xlim=(0.5 - reach, 0.5 + reach), ylim=(middle - reach, middle + reach))
     axes.set(aspect="equal", xlabel="x / L", ylabel="y / L")
-    figure.colorbar(mesh, ax=axes, label="C / C₀")
+    figure.colorbar(mesh, cax=axes.inset_axes((1.04, 0.0, 0.04, 1.0)), label="C / C₀")
     return figure
 
 

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from particell.observers import SteadyState
     from particell.output.export import export_vtkhdf
     from particell.output.run import Run
-    from particell.phases import Phase, channel_walls, fluid
+    from particell.phases import Phase, box_walls, channel_walls, fluid
     from particell.schemes.sdpd import SDPD
     from particell.schemes.static import Static
     from particell.simulation import Simulation
@@ -64,6 +64,7 @@ _HOME = {
     "Sponge": "boundaries.sponge",
     "Static": "schemes.static",
     "SteadyState": "observers",
+    "box_walls": "phases",
     "channel_walls": "phases",
     "export_vtkhdf": "output.export",
     "fluid": "phases",
@@ -99,6 +100,7 @@ __all__ = [
     "Sponge",
     "Static",
     "SteadyState",
+    "box_walls",
     "channel_walls",
     "export_vtkhdf",
     "fluid",

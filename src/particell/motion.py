@@ -10,7 +10,8 @@ import numpy as np
 from particell.boundaries.reflection import Reflection, reflect, surface_table
 from particell.boundaries.sponge import Sponge, relax_velocity, share_of_target
 from particell.errors import InputError, RunError
-from particell.laws.buoyancy import Buoyancy, add_buoyancy
+from particell.kernels import kernel_code
+from particell.laws.buoyancy import Buoyancy, add_buoyancy, add_wall_head
 from particell.materials import AVOGADRO
 
 if TYPE_CHECKING:
@@ -138,22 +139,44 @@ class Forces:
                 raise InputError("species", force.species, "one without switch_above, in a force")
             if len(force.gravity) != dim:
                 raise InputError("gravity", force.gravity, f"{dim} numbers")
-        self._loops: list[Callable[..., None]] | None = None
+        self._bound: object = None
 
     def apply(self) -> None:
         """Add all forces to the particles' accelerations."""
-        if self._loops is None:
-            self._loops = [self._bind(force) for force in self.forces]
-        for loop in self._loops:
-            loop(len(self.simulation.particles))
+        self._bind()
+        for add in self._additions:
+            add(len(self.simulation.particles))
 
-    def _bind(self, force: Buoyancy) -> Callable[..., None]:
+    def add_wall_heads(self) -> None:
+        """Add what the forces weigh to the pressure of walls."""
+        self._bind()
+        for add in self._heads:
+            add(len(self.simulation.particles))
+
+    def _bind(self) -> None:
+        """Look up arrays again where those of the neighbour list are new."""
+        simulation = self.simulation
+        listed = simulation.neighbours.fields["neighbours"]
+        if self._bound is listed:
+            return
+        self._bound = listed
+        bind, dim = simulation.device.bind, simulation.domain.dim
+        kernel = kernel_code(simulation.scheme.kernel)
+        self._additions: list[Callable[..., None]] = []
+        self._heads: list[Callable[..., None]] = []
+        for force in self.forces:
+            values = self._values(force)
+            self._additions.append(bind(add_buoyancy, values, DIM=dim))
+            self._heads.append(bind(add_wall_head, values, DIM=dim, KERNEL=kernel))
+
+    def _values(self, force: Buoyancy) -> dict[str, Any]:
         simulation = self.simulation
         chemistry, particles = simulation.chemistry, simulation.particles
         assert chemistry is not None
         whole = chemistry.species[force.species].molecules
         strength = -force.expansion * np.array(force.gravity, dtype=float)
-        values = {
+        return {
+            **simulation.neighbours.fields,
             **particles.fields,
             "content": particles["count" if whole else "amount"],
             "s": chemistry.column(force.species),
@@ -161,7 +184,6 @@ class Forces:
             "reference": force.reference,
             "strength": simulation.device.array(strength),
         }
-        return simulation.device.bind(add_buoyancy, values, DIM=simulation.domain.dim)
 
 
 class Monitor:

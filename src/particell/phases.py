@@ -10,7 +10,7 @@ import numpy as np
 from particell.errors import InputError
 from particell.geometry.domain import Domain
 from particell.geometry.fill import fitting_spacing, lattice
-from particell.geometry.shapes import Shape
+from particell.geometry.shapes import HalfSpace, Shape
 from particell.materials import Fluid
 from particell.particles import KINDS
 
@@ -141,35 +141,66 @@ def channel_walls(
     velocity
         Velocities of the two walls.
     """
-    from particell.geometry.shapes import HalfSpace
-
     steps = fitting_spacing(domain, spacing)
-    phases = []
-    for side, sign in (("lower", -1), ("upper", 1)):
-        lower, upper = domain.lower.copy(), domain.upper.copy()
-        if sign < 0:
-            upper[axis] = domain.lower[axis]
-            lower[axis] = upper[axis] - layers * steps[axis]
-        else:
-            lower[axis] = domain.upper[axis]
-            upper[axis] = lower[axis] + layers * steps[axis]
-        points = _slab(lower, upper, steps)
-        normal = np.zeros(domain.dim)
-        normal[axis] = -sign
-        corner = domain.lower if sign < 0 else domain.upper
-        phases.append(
-            Phase(
-                f"{name}-{side}",
-                material,
-                points,
-                float(np.prod(steps)),
-                kind="wall",
-                velocity=velocity[0] if sign < 0 else velocity[1],
-                spacing=float(np.max(steps)),
-                surface=HalfSpace(corner, normal),
-            )
+    return [
+        _plane_wall(domain, material, steps, layers, axis, side, f"{name}-{side}", velocity[k])
+        for k, side in enumerate(("lower", "upper"))
+    ]
+
+
+def box_walls(
+    domain: Domain, material: Fluid, spacing: float, layers: int = 3, name: str = "wall"
+) -> list[Phase]:
+    """The walls on all sides of a closed box, as layers of particles outside the domain.
+
+    They are named ``name-x-lower``, ``name-x-upper``, ``name-y-lower``, …; edges and corners belong
+    to the wall of the last axis there, and each wall is a plane. Parameters as for
+    :func:`channel_walls`.
+    """
+    steps = fitting_spacing(domain, spacing)
+    return [
+        _plane_wall(
+            domain, material, steps, layers, axis, side, f"{name}-{letter}-{side}", corners=axis
         )
-    return phases
+        for axis, letter in zip(range(domain.dim), "xyz", strict=False)
+        for side in ("lower", "upper")
+    ]
+
+
+def _plane_wall(
+    domain: Domain,
+    material: Fluid,
+    steps: np.ndarray,
+    layers: int,
+    axis: int,
+    side: str,
+    name: str,
+    velocity: Velocity = None,
+    corners: int = 0,
+) -> Phase:
+    """Layers outside one face that go on beyond the domain along the first ``corners`` axes."""
+    thickness = layers * steps
+    lower, upper = domain.lower.copy(), domain.upper.copy()
+    beyond = np.arange(domain.dim) < corners
+    lower[beyond] -= thickness[beyond]
+    upper[beyond] += thickness[beyond]
+    normal = np.zeros(domain.dim)
+    if side == "lower":
+        corner, normal[axis] = domain.lower, 1.0
+        lower[axis], upper[axis] = corner[axis] - thickness[axis], corner[axis]
+    else:
+        corner, normal[axis] = domain.upper, -1.0
+        lower[axis], upper[axis] = corner[axis], corner[axis] + thickness[axis]
+    return Phase(
+        name,
+        material,
+        _slab(lower, upper, steps),
+        float(np.prod(steps)),
+        kind="wall",
+        velocity=velocity,
+        spacing=float(np.max(steps)),
+        surface=HalfSpace(corner, normal),
+    )
 
 
 def _slab(lower: np.ndarray, upper: np.ndarray, steps: np.ndarray) -> np.ndarray:

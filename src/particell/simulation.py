@@ -138,10 +138,13 @@ class Simulation:
             )
         elif reactions:
             raise InputError("reactions", list(reactions), "empty without species")
+        self._books = any(getattr(b, "values", getattr(b, "species", None)) for b in boundaries)
         self.constraints = Constraints(self, boundaries)
         if isinstance(self.solver, SDPDSolver):
             self.solver.after_drift = self.constraints.reflect  # type: ignore[method-assign]
-            self.solver.after_forces = Forces(self, forces).apply  # type: ignore[method-assign]
+            acting = Forces(self, forces)
+            self.solver.after_forces = acting.apply  # type: ignore[method-assign]
+            self.solver.after_wall_pressure = acting.add_wall_heads  # type: ignore[method-assign]
         self.monitor = Monitor(self)
         self.automatic = dt == "auto"
         self.step, self.time = 0, 0.0
@@ -307,7 +310,17 @@ class Simulation:
                 frame[f"concentration/{name}"] = self.chemistry.concentration(name)[order]
                 if s.molecules:
                     frame[f"count/{name}"] = self.chemistry.count(name)[order]
+                if self._books:
+                    frame[f"inflow/{name}"] = self._booked(name)
         return frame
+
+    def _booked(self, name: str) -> np.ndarray:
+        """What came into each particle through boundaries so far: mol or molecules, by id."""
+        assert self.chemistry is not None
+        whole = self.chemistry.species[name].molecules
+        booked = self.particles.by_id("count_booked" if whole else "amount_booked")
+        values = booked[:, self.chemistry.column(name)]
+        return values if whole else values * self.depth_factor
 
     def observables(self) -> dict[str, float]:
         """Scalars for time series."""

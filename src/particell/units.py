@@ -142,7 +142,10 @@ FIELD_UNITS = {
 
 
 def field_unit(name: str) -> str:
-    """SI unit of a recorded field by its name; empty for numbers and for what is unknown."""
+    """SI unit of a recorded field by its name; empty for numbers and for what is unknown.
+
+    (``inflow/NAME`` is in mol or in molecules: it depends on the species.)
+    """
     if name.startswith("concentration/"):
         return "mol/m^3"
     return FIELD_UNITS.get(name, "")

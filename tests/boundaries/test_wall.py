@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from particell.boundaries.wall import CLOSEST, extrapolation, surface_distance
+from particell.geometry.domain import Domain
+from particell.phases import box_walls
 from systems import channel, fluid_rows, unit_fluid
 
 
@@ -112,3 +114,19 @@ def test_wall_pressure_continues_the_hydrostatic_one():
     near = (p.host("is_wall") != 0) & (height > -2) & (height < 14)
     # densities differ from 1 by up to 6e-5, and heads of up to 3 spacings with them
     assert pressure[near] == pytest.approx(1e-3 * (6 - height[near]), abs=6e-5 * 3e-3)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_walls_of_a_closed_box_continue_the_lattice(dim):
+    """Layers all around, corners included, each place once; normals into the box."""
+    sides = (4, 5, 6)[:dim]
+    walls = box_walls(Domain((0,) * dim, sides), unit_fluid(), 1.0, layers=2)
+    assert len(walls) == 2 * dim
+    points = np.concatenate([w.points for w in walls])
+    outside = np.prod([s + 4 for s in sides]) - np.prod(sides)
+    assert len(points) == outside == len(np.unique(points, axis=0))
+    assert np.all((points > -2) & (points < np.array(sides) + 2))
+    for wall in walls:
+        centre = np.full((1, dim), 2.0)
+        assert wall.surface.signed_distance(wall.points).max() < 0
+        assert wall.surface.signed_distance(centre)[0] > 0

@@ -28,6 +28,10 @@ CASES: dict[str, tuple[str, str]] = {
         "particell.cases.equilibrium:Equilibrium3D",
         "A fluctuating fluid at rest in three dimensions: temperature, Maxwell, density",
     ),
+    "natural-convection": (
+        "particell.cases.natural_convection:NaturalConvection",
+        "Natural convection around a cylinder in a square cavity, driven by a solute",
+    ),
     "taylor-green": (
         "particell.cases.taylor_green:TaylorGreen",
         "Taylor–Green vortices decaying in a periodic square, with plain SPH",

@@ -5,16 +5,28 @@ r"""Buoyancy in the Boussinesq approximation.
 with the gravitational acceleration g as a vector: a fluid that a dissolved species (or heat,
 carried as one) makes lighter (β > 0) rises against g. The density of the fluid itself is not
 changed. C is a concentration, or that of a number of molecules.
+
+In front of a wall the pressure grows by what the fluid there weighs. The pressure of wall particles
+is that of the fluid, extrapolated (:func:`particell.schemes.sweeps.wall_pressure`); it gets the
+head of this force as it gets that of gravity,
+
+.. math:: P_w \mathrel{+}= \sum_f \rho_f\, a_f \cdot (x_w - x_f) W_{wf} \Big/ \sum_f W_{wf},
+
+without which a fluid at rest above a wall with C ≠ C_ref would not be at rest (Adami, Hu & Adams,
+J. Comput. Phys. 231 (2012) 7057, Eq. 27).
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from particell.compute.loop import particle_loop
+from particell.compute.rounding import nearest_integer
 from particell.errors import InputError
+from particell.kernels import shape_w
 
 
 @dataclass(frozen=True)
@@ -52,3 +64,50 @@ def add_buoyancy(i, is_wall, content, s, scale, volume, reference, strength, a, 
     excess = scale * content[i, s] / volume[i] - reference
     for d in range(DIM):
         a[i, d] += strength[d] * excess
+
+
+@particle_loop
+def add_wall_head(
+    i,
+    x,
+    is_wall,
+    density,
+    volume,
+    support,
+    content,
+    s,
+    scale,
+    reference,
+    strength,
+    start,
+    split,
+    neighbours,
+    crosses,
+    period,
+    inverse_period,
+    pressure,
+    pressure_term,
+    *,
+    DIM,
+    KERNEL,
+):
+    """The head above, added to the pressure of wall particle i."""
+    if not is_wall[i]:
+        return
+    wraps = crosses[i] != 0
+    weights, total = 0.0, 0.0
+    for k in range(start[i], split[i]):
+        j = neighbours[k]
+        r2, head = 0.0, 0.0
+        for d in range(DIM):
+            offset = x[i, d] - x[j, d]
+            if wraps:
+                offset -= period[d] * nearest_integer(offset * inverse_period[d])
+            r2 += offset * offset
+            head += strength[d] * offset
+        w = shape_w(math.sqrt(r2) / (0.5 * (support[i] + support[j])), KERNEL)
+        weights += w
+        total += w * density[j] * head * (scale * content[j, s] / volume[j] - reference)
+    if weights > 0.0:
+        pressure[i] += total / weights
+        pressure_term[i] = pressure[i] / (density[i] * density[i])

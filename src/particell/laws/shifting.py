@@ -5,8 +5,11 @@ r"""Particle shifting: a small velocity away from where neighbours crowd.
 Particles are moved by v + δv but carry the momentum v: they stay evenly spread where streamlines
 would pull them apart, as behind a body, without the disorder that a background pressure in the
 momentum equation causes. P_s is of the order of ρ₀c₀². The sum is that of the transport velocity
-of Adami, Hu & Adams, J. Comput. Phys. 241 (2013) 292, Eq. 13; the flux of momentum and of species
-relative to the particles, of order δv, is left out here.
+of Adami, Hu & Adams, J. Comput. Phys. 241 (2013) 292, Eq. 13.
+
+Mass moves with the particles: the continuity equation takes the divergence of v + δv. (With that
+of v it sees particles crowd, but not that δv undoes it, and densities grow without end.) The flux
+of momentum and of species relative to the particles, of order δv, is left out.
 """
 
 from __future__ import annotations

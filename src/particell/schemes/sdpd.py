@@ -280,7 +280,8 @@ class SDPDSolver:
         small = {k: o[k] for k in ("DIM", "KERNEL", "UNIFORM")}
         continuity = not self.summation
         if self.leapfrog:
-            half = {**fields, "density": fields["density_half"]}
+            # mass moves with the particles: with v alone the volumes drift away from what there is
+            half = {**fields, "density": fields["density_half"], "v": fields["transport"]}
             quiet = {**o, "NOISE": False, "SHIFT": False, "MIXED": False, "RADIAL": False}
             self._density_rates = bind(rates, half, **quiet, DENSITY=True, FORCE=False)
             self._pack_half = bind(pack, half, **record)
@@ -368,6 +369,9 @@ class SDPDSolver:
     def after_forces(self) -> None:
         """Called when accelerations are known (forces that depend on species)."""
 
+    def after_wall_pressure(self) -> None:
+        """Called when walls have the fluid's pressure (heads of forces that depend on species)."""
+
     def _renew_list(self, dt: float) -> None:
         p = self.particles
         if self.neighbours.needs_build(p["x"], p["transport" if self.shifting else "v"], dt):
@@ -381,6 +385,7 @@ class SDPDSolver:
         self.equation_of_state(self.n, dt)
         if self.options["WALLS"]:
             self.wall_pressure(self.n)
+            self.after_wall_pressure()
 
     def density_rates(self, step: int) -> None:
         """Density rate at the half step (velocity-Verlet)."""

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from particell.chemistry.reservoirs import FixedValueWall, Reservoir
     from particell.chemistry.species import Species
     from particell.compute.device import Device
+    from particell.ensemble import Ensemble, EnsembleInterrupted, EnsembleRun
     from particell.errors import InputError, Interrupted, RunError
     from particell.geometry.domain import Domain
     from particell.geometry.fill import jittered, lattice, packed, rings
@@ -45,6 +46,9 @@ _HOME = {
     "Circle": "geometry.shapes",
     "Device": "compute.device",
     "Domain": "geometry.domain",
+    "Ensemble": "ensemble",
+    "EnsembleInterrupted": "ensemble",
+    "EnsembleRun": "ensemble",
     "FixedValueWall": "chemistry.reservoirs",
     "Fluid": "materials",
     "HalfSpace": "geometry.shapes",
@@ -80,6 +84,9 @@ __all__ = [
     "Circle",
     "Device",
     "Domain",
+    "Ensemble",
+    "EnsembleInterrupted",
+    "EnsembleRun",
     "FixedValueWall",
     "Fluid",
     "HalfSpace",

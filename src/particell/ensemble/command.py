@@ -37,7 +37,8 @@ def resume(directory: Path, progress: bool) -> int:
     """Go on with the ensemble of a directory; gives the exit status."""
     described = Ensemble.read(directory)
     assert isinstance(described.description, Case)
-    return _run(described, described.description, directory, progress=progress)
+    processes = EnsembleRun(directory).settings.get("processes")
+    return _run(described, described.description, directory, processes, progress=progress)
 
 
 def plot(directory: Path) -> list[Path]:

@@ -210,7 +210,7 @@ class Ensemble:
             width = min(processes or pool.default_processes(), max(len(tasks), 1))
             if tasks:
                 prepare(self.job, tasks[0][1], compile_loops=width > 1 or client is not None)
-            self._claim(directory, overwrite)
+            self._claim(directory, overwrite, processes)
             stopped = self._run(tasks, width, client, progress, directory)
         result = EnsembleRun(directory)
         result.temporary = temporary
@@ -269,7 +269,7 @@ class Ensemble:
         allowed = "a new or empty directory, or one of this very ensemble (or overwrite it)"
         raise InputError("out", str(directory), allowed)
 
-    def _claim(self, directory: Path, overwrite: bool) -> None:
+    def _claim(self, directory: Path, overwrite: bool, processes: int | None) -> None:
         from particell.cases.execution import prepare_directory
 
         directory.mkdir(parents=True, exist_ok=True)
@@ -278,8 +278,14 @@ class Ensemble:
                 prepare_directory(old)
                 (old / FAILURE).unlink(missing_ok=True)
         prepare_directory(directory)
-        content = {**self._identity(), "runs": self.runs, "seeds": "numpy SeedSequence.spawn"}
-        write_json(directory / ENSEMBLE, {**content, "threads": self.job.threads})
+        content = {
+            **self._identity(),
+            "runs": self.runs,
+            "seeds": "numpy SeedSequence.spawn",
+            "processes": processes,
+            "threads": self.job.threads,
+        }
+        write_json(directory / ENSEMBLE, content)
 
 
 def is_ensemble(directory: str | Path) -> bool:

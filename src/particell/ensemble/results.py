@@ -102,6 +102,10 @@ class EnsembleRun:
         """Times of the frames in s, (frames,)."""
         return self._first.times
 
+    def at(self, time: float) -> int:
+        """Index of the frame nearest to a time in s."""
+        return self._first.at(time)
+
     @property
     def field_names(self) -> list[str]:
         """The fields of a frame."""

@@ -16,7 +16,7 @@ from particell.ensemble import realisation_seed
 
 NUMBER, SPACING, DIFFUSIVITY = 12, 1.0, 0.1
 FORWARD, BACKWARD, UNTIL, EVERY = 0.7, 0.3, 2.0, 0.5
-MEAN, WAVE = 60.0, 2 * np.pi / NUMBER
+MEAN, WAVE = 600.0, 2 * np.pi / NUMBER
 
 
 def build(seed: int, shift: float = 0.0) -> pc.Simulation:

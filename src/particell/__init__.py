@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from particell.boundaries.sponge import Sponge
     from particell.chemistry.reactions import Reaction
     from particell.chemistry.reservoirs import FixedValueWall, Reservoir
+    from particell.chemistry.sbml import SBMLModel, read_sbml
     from particell.chemistry.species import Species
     from particell.compute.device import Device
     from particell.ensemble import Ensemble, EnsembleInterrupted, EnsembleRun
@@ -60,6 +61,7 @@ _HOME = {
     "Reservoir": "chemistry.reservoirs",
     "Run": "output.run",
     "RunError": "errors",
+    "SBMLModel": "chemistry.sbml",
     "SDPD": "schemes.sdpd",
     "Simulation": "simulation",
     "Species": "chemistry.species",
@@ -73,6 +75,7 @@ _HOME = {
     "jittered": "geometry.fill",
     "lattice": "geometry.fill",
     "packed": "geometry.fill",
+    "read_sbml": "chemistry.sbml",
     "rings": "geometry.fill",
 }
 
@@ -98,6 +101,7 @@ __all__ = [
     "Reservoir",
     "Run",
     "RunError",
+    "SBMLModel",
     "Simulation",
     "Species",
     "Sphere",
@@ -110,6 +114,7 @@ __all__ = [
     "jittered",
     "lattice",
     "packed",
+    "read_sbml",
     "rings",
 ]
 

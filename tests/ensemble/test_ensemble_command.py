@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import shlex
+import sys
+import types
 
 import pytest
 
@@ -99,13 +101,10 @@ def test_interrupted_is_status_130_and_says_how_to_go_on(tmp_path, capsys):
         ("ensemble wlak --runs 2", "did you mean 'walk'"),
         ("ensemble walk --runs 2 --set particles=13", "luckier"),
         ("ensemble walk --runs 2 --seed -1", "seed = -1"),
-        ("ensemble walk --runs 2 --scheduler tcp://127.0.0.1:9", "client"),
         ("ensemble walk", "--runs"),
     ],
 )
-@pytest.mark.filterwarnings("ignore")
-def test_wrong_input(line, words, capsys, tmp_path, monkeypatch):
-    monkeypatch.setattr("particell.ensemble.ensemble.PATIENCE", 0.5, raising=False)
+def test_wrong_input(line, words, capsys, tmp_path):
     assert particell(line) == 2
     assert words in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
@@ -117,3 +116,19 @@ def test_another_ensemble_in_the_directory(capsys):
     assert particell(line) == 2
     assert "this very ensemble" in capsys.readouterr().err
     assert particell(f"{line} --overwrite") == 0
+
+
+def test_a_cluster_that_does_not_answer_or_is_not_installed(capsys, monkeypatch):
+    line = "ensemble walk --runs 2 --scheduler tcp://nowhere:1 --no-progress"
+
+    class Silent(types.ModuleType):
+        def Client(self, address, timeout):  # noqa: N802
+            raise OSError(f"Timed out trying to connect to {address}")
+
+    monkeypatch.setitem(sys.modules, "dask.distributed", Silent("dask.distributed"))
+    monkeypatch.setitem(sys.modules, "dask", types.ModuleType("dask"))
+    assert particell(line) == 2
+    assert "Timed out trying to connect" in capsys.readouterr().err
+    monkeypatch.setitem(sys.modules, "dask.distributed", None)
+    assert particell(line) == 2
+    assert "particell[cluster]" in capsys.readouterr().err

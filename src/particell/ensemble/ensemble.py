@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
 import tempfile
+import weakref
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
@@ -196,11 +198,7 @@ class Ensemble:
             raise InputError("out", out, "given: a directory that the cluster's workers see too")
         client, own = _client(client)
         with own:
-            temporary = None
-            if out is None:
-                temporary = tempfile.TemporaryDirectory(prefix="particell-")
-                out = temporary.name
-            directory = Path(out).absolute()
+            directory = Path(out or tempfile.mkdtemp(prefix="particell-")).absolute()
             self._refuse_other(directory, overwrite)
             tasks = [
                 (k, seed, member(directory, k))
@@ -213,7 +211,8 @@ class Ensemble:
             self._claim(directory, overwrite, processes)
             stopped = self._run(tasks, width, client, progress, directory)
         result = EnsembleRun(directory)
-        result.temporary = temporary
+        if out is None and not stopped:
+            weakref.finalize(result, shutil.rmtree, directory, ignore_errors=True)
         if stopped:
             raise EnsembleInterrupted(directory, len(result), self.runs)
         return result

@@ -63,7 +63,6 @@ class EnsembleRun:
             allowed = f"one with the output of an ensemble ({ENSEMBLE})"
             raise InputError("directory", str(directory), allowed)
         self.settings: dict[str, Any] = read_json(path, "directory")
-        self.temporary: Any = None
 
     @cached_property
     def indices(self) -> list[int]:

@@ -149,7 +149,7 @@ def _local_executor(processes: int) -> Iterator[tuple[Executor, Any]]:
     except BaseException:
         executor.shutdown(wait=True, kill_workers=True)
         raise
-    executor.shutdown(wait=True, kill_workers=stop.is_set())
+    executor.shutdown(wait=True)
 
 
 # --- in a worker process ---------------------------------------------------------------------

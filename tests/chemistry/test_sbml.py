@@ -321,6 +321,27 @@ def test_time_delay_and_transport_are_refused(read, tmp_path):
         pc.read_sbml(path)
 
 
+def test_units_in_places_of_early_versions_are_refused(tmp_path):
+    def write_level_2(law: str, more: str) -> str:
+        path = tmp_path / "early.xml"
+        path.write_text(
+            '<?xml version="1.0" encoding="UTF-8"?>'
+            '<sbml xmlns="http://www.sbml.org/sbml/level2" level="2" version="1"><model id="early">'
+            '<listOfCompartments><compartment id="c" size="1"/></listOfCompartments><listOfSpecies>'
+            f'<species id="A" compartment="c" initialConcentration="1"{more}/></listOfSpecies>'
+            '<listOfReactions><reaction id="d" reversible="false"><listOfReactants>'
+            f'<speciesReference species="A"/></listOfReactants><kineticLaw{law}>{math("(* c A)")}'
+            "</kineticLaw></reaction></listOfReactions></model></sbml>"
+        )
+        return str(path)
+
+    assert pc.read_sbml(write_level_2("", "")).reactions[0].forward == pytest.approx(1.0)
+    with pytest.raises(InputError, match="kinetic law of reaction = 'd'"):
+        pc.read_sbml(write_level_2(' timeUnits="second"', ""))
+    with pytest.raises(InputError, match="spatialSizeUnits of species = 'A'"):
+        pc.read_sbml(write_level_2("", ' spatialSizeUnits="litre"'))
+
+
 def test_units_that_the_file_leaves_open(tmp_path):
     path = write(tmp_path / "open.xml", A, DECAY)
     text = path.read_text()
@@ -342,7 +363,19 @@ def test_files_that_cannot_be_read(tmp_path, monkeypatch):
     (tmp_path / "bad.xml").write_text("<sbml")
     with pytest.raises(InputError, match="valid"):
         pc.read_sbml(tmp_path / "bad.xml")
+    empty = '<sbml xmlns="http://www.sbml.org/sbml/level3/version2/core" level="3" version="2"/>'
+    (tmp_path / "empty.xml").write_text(f'<?xml version="1.0" encoding="UTF-8"?>{empty}')
+    with pytest.raises(InputError, match="one with a model"):
+        pc.read_sbml(tmp_path / "empty.xml")
     good = write(tmp_path / "good.xml", A, DECAY)
+    text = good.read_text().replace(
+        'level="3" version="1">',
+        'level="3" version="1" xmlns:comp="http://www.sbml.org/sbml/level3/version1/comp/version1" '
+        'comp:required="true">',
+    )
+    (tmp_path / "package.xml").write_text(text)
+    with pytest.raises(InputError, match="package = 'comp'"):
+        pc.read_sbml(tmp_path / "package.xml")
     (tmp_path / "twice.xml").write_text(good.read_text().replace(DECAY[0], DECAY[0] * 2))
     with pytest.raises(InputError, match="valid"):
         pc.read_sbml(tmp_path / "twice.xml")

@@ -109,7 +109,8 @@ def read_sbml(
         reactions between compartments, compartments that are no volumes or change, functions
         other than powers, stoichiometries that are not whole.
     """
-    model, notes = _model(Path(path))
+    document, notes = _document(Path(path))  # kept: libSBML's objects die with it
+    model = document.getModel()
     _refuse(model)
     reader = Units(model, units or {})
     volumes, sizes = _compartments(model, reader)
@@ -150,7 +151,7 @@ def read_sbml(
     )
 
 
-def _model(path: Path) -> tuple[Any, list[str]]:
+def _document(path: Path) -> tuple[Any, list[str]]:
     try:
         import libsbml
     except ImportError:
@@ -162,6 +163,8 @@ def _model(path: Path) -> tuple[Any, list[str]]:
     _raise_errors(path, document)
     if document.getLevel() not in (2, 3):
         raise InputError("SBML level", document.getLevel(), "2 or 3")
+    if document.getModel() is None:
+        raise InputError("SBML file", str(path), "one with a model")
     for k in range(document.getNumPlugins() if document.getLevel() > 2 else 0):
         name = document.getPlugin(k).getPackageName()
         if document.getPackageRequired(name):
@@ -172,15 +175,9 @@ def _model(path: Path) -> tuple[Any, list[str]]:
         properties = libsbml.ConversionProperties()
         properties.addOption(option, True)
         document.convert(properties)
-    model = document.getModel()
-    if model is None:
-        raise InputError("SBML file", str(path), "one with a model")
-    _keep.append(document)  # libSBML's objects die with their document
-    del _keep[:-8]
-    return model, notes
+    return document, notes
 
 
-_keep: list[Any] = []
 #: libSBML's numbers for "some units are not declared, so they were not checked".
 _UNDECLARED = range(99500, 99600)
 
@@ -218,6 +215,13 @@ def _refuse(model: Any) -> None:
     for item in (*_items(model.getListOfSpecies()), model):
         if item.isSetConversionFactor():
             raise InputError("conversion factor", _name_of(item), "left out")
+    for item in _items(model.getListOfSpecies()):
+        if item.isSetSpatialSizeUnits():
+            raise InputError("spatialSizeUnits of species", item.getId(), "left out")
+    for item in _items(model.getListOfReactions()):
+        law = item.getKineticLaw()
+        if law is not None and (law.isSetSubstanceUnits() or law.isSetTimeUnits()):
+            raise InputError("units of the kinetic law of reaction", item.getId(), "left out")
 
 
 def _name_of(item: Any) -> str:

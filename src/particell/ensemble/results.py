@@ -99,7 +99,7 @@ class EnsembleRun:
     @property
     def times(self) -> np.ndarray:
         """Times of the frames in s, (frames,)."""
-        return self._first.times
+        return self._times_of(self._first)
 
     def at(self, time: float) -> int:
         """Index of the frame nearest to a time in s."""
@@ -149,7 +149,7 @@ class EnsembleRun:
             For unknown names, frames that differ in time, particles that are elsewhere, and where
             there are fewer than two realisations.
         """
-        if frame is None and not callable(what):
+        if frame is None and self._is_field(what):
             parts = [self.moments(what, k, **where) for k in range(len(self.times))]
             stacked = [np.stack([getattr(m, n) for m in parts]) for n in _MOMENTS]
             return Moments(stacked[0], stacked[1], stacked[2], len(self))
@@ -187,7 +187,7 @@ class EnsembleRun:
         probabilities = np.asarray(q, float)
         if not ((probabilities >= 0) & (probabilities <= 1)).all():
             raise InputError("q", q, "between 0 and 1")
-        if frame is None and not callable(what):
+        if frame is None and self._is_field(what):
             parts = [self.quantile(what, q, k, **where) for k in range(len(self.times))]
             return np.stack(parts, axis=probabilities.ndim)
         first = next(self._values(what, frame, where), None)
@@ -225,7 +225,8 @@ class EnsembleRun:
         counts, edges
             As of :func:`numpy.histogram`; NaN is left out.
         """
-        frames = range(len(self.times)) if frame is None and not callable(what) else [frame]
+        every = frame is None and self._is_field(what)
+        frames = range(len(self.times)) if every else [frame]
 
         def everything() -> Iterator[np.ndarray]:
             for k in frames:
@@ -260,14 +261,27 @@ class EnsembleRun:
             raise InputError("realisations", 0, "at least one that is finished")
         return self.runs[0]
 
+    @cached_property
+    def _clocks(self) -> dict[int, np.ndarray]:
+        return {}
+
+    def _times_of(self, run: Run) -> np.ndarray:
+        """Times of a run's frames, read once: it is finished."""
+        if id(run) not in self._clocks:
+            self._clocks[id(run)] = run.times
+        return self._clocks[id(run)]
+
+    def _is_field(self, what: Quantity) -> bool:
+        return isinstance(what, str) and what in self.field_names
+
     def _values(
         self, what: Quantity, frame: int | None, where: dict[str, Any], matched: bool = True
     ) -> Iterator[np.ndarray]:
         """The values of one realisation after the other."""
-        if callable(what) or (what not in self.field_names and what in self.observable_names):
+        if callable(what) or (not self._is_field(what) and what in self.observable_names):
             if where:
                 raise InputError(next(iter(where)), "given", "left out: it is for fields only")
-        elif what not in self.field_names:
+        elif not self._is_field(what):
             names = {*self.field_names, *self.observable_names}
             raise unknown_name("field or observable", what, names)
         reader = self._reader(what, frame, where, matched)
@@ -285,7 +299,8 @@ class EnsembleRun:
     ) -> Callable[[Run], ArrayLike]:
         if callable(what):
             return what
-        assert frame is not None
+        if frame is None:  # of an observable
+            return lambda run: self._series(run, what)
         first, options = self._first, dict(where)
         groups, places = options.pop("groups", None), options.keys() & {"grid", "points"}
         if len(places) > 1:
@@ -293,7 +308,7 @@ class EnsembleRun:
         if options and not places:
             raise unknown_name("option", next(iter(options)), ("groups", "grid", "points"))
         self._same_time(first, frame)
-        if what not in self.field_names:
+        if not self._is_field(what):
             return lambda run: run.observable(what)[self._same_time(run, frame)]
         if "grid" in places:
             shape = options.pop("grid")
@@ -315,9 +330,15 @@ class EnsembleRun:
 
         return by_particle
 
+    def _series(self, run: Run, what: str) -> np.ndarray:
+        """An observable at all frames, which must be those of the first run."""
+        for k in range(max(len(self.times), len(self._times_of(run)))):
+            self._same_time(run, k)
+        return run.observable(what)
+
     def _same_time(self, run: Run, frame: int) -> int:
         """The frame, counted from the beginning, if it is of the same time as in the first run."""
-        times, others = self._first.times, run.times
+        times, others = self.times, self._times_of(run)
         if not -len(times) <= frame < len(times):
             raise InputError("frame", frame, f"between {-len(times)} and {len(times) - 1}")
         k = frame % len(times)

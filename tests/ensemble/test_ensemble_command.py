@@ -63,6 +63,14 @@ def test_a_member_is_the_run_with_its_seed(tmp_path):
     assert one["seed"] == other["seed"]
 
 
+def test_a_single_realisation_has_no_scatter(tmp_path):
+    assert particell("ensemble walk --runs 1 --no-progress") == 0
+    out = tmp_path / "out/walk-runs"
+    assert not (out / "observables.png").exists()
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["members"]["spread"]["deviation"] is None
+
+
 def test_metric_beyond_its_limit_is_status_1(capsys):
     assert particell("ensemble walk --runs 2 --processes 1 --set limit=1e-6 --no-progress") == 1
     out = capsys.readouterr().out

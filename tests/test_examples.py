@@ -48,6 +48,22 @@ def test_thermal_box(example):
     assert found["momentum"] < 1e-12
 
 
+def test_ensemble(example, tmp_path):
+    runs = 30
+    found = example("ensemble", str(runs), "1")
+    total, share = found["total"], found["share"]
+    exact = (total * share * (1 - share)) ** 0.5
+    # 5 standard errors: beyond 1e-6 chance; of a deviation it is √(1/2(n - 1))
+    assert abs(found["mean"] - total * share) < 5 * exact / runs**0.5
+    assert abs(found["deviation"] / exact - 1) < 5 / (2 * (runs - 1)) ** 0.5
+    assert (tmp_path / "out/ensemble/amounts.png").stat().st_size > 0
+
+
+def test_sbml_model(example):
+    pytest.importorskip("libsbml")
+    assert example("sbml_model")["error"] < 1e-4
+
+
 def test_readme_shows_first_run():
     code = re.search(r"```python\n(.*?)```", README, re.DOTALL).group(1)
     script = (ROOT / "examples/first_run.py").read_text(encoding="utf-8")

@@ -22,8 +22,10 @@ if TYPE_CHECKING:
     from particell.boundaries.sponge import Sponge
     from particell.chemistry.reactions import Reaction
     from particell.chemistry.reservoirs import FixedValueWall, FluxWall, Reservoir
+    from particell.chemistry.sbml import SBMLModel, read_sbml
     from particell.chemistry.species import Species
     from particell.compute.device import Device
+    from particell.ensemble import Ensemble, EnsembleInterrupted, EnsembleRun
     from particell.errors import InputError, Interrupted, RunError
     from particell.geometry.domain import Domain
     from particell.geometry.fill import jittered, lattice, packed, rings
@@ -45,6 +47,9 @@ _HOME = {
     "Circle": "geometry.shapes",
     "Device": "compute.device",
     "Domain": "geometry.domain",
+    "Ensemble": "ensemble",
+    "EnsembleInterrupted": "ensemble",
+    "EnsembleRun": "ensemble",
     "FixedValueWall": "chemistry.reservoirs",
     "FluxWall": "chemistry.reservoirs",
     "Fluid": "materials",
@@ -57,6 +62,7 @@ _HOME = {
     "Reservoir": "chemistry.reservoirs",
     "Run": "output.run",
     "RunError": "errors",
+    "SBMLModel": "chemistry.sbml",
     "SDPD": "schemes.sdpd",
     "Simulation": "simulation",
     "Species": "chemistry.species",
@@ -71,6 +77,7 @@ _HOME = {
     "jittered": "geometry.fill",
     "lattice": "geometry.fill",
     "packed": "geometry.fill",
+    "read_sbml": "chemistry.sbml",
     "rings": "geometry.fill",
 }
 
@@ -82,6 +89,9 @@ __all__ = [
     "Circle",
     "Device",
     "Domain",
+    "Ensemble",
+    "EnsembleInterrupted",
+    "EnsembleRun",
     "FixedValueWall",
     "Fluid",
     "FluxWall",
@@ -94,6 +104,7 @@ __all__ = [
     "Reservoir",
     "Run",
     "RunError",
+    "SBMLModel",
     "Simulation",
     "Species",
     "Sphere",
@@ -107,6 +118,7 @@ __all__ = [
     "jittered",
     "lattice",
     "packed",
+    "read_sbml",
     "rings",
 ]
 

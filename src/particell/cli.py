@@ -12,11 +12,14 @@ import tomllib
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
 from particell.errors import InputError, Interrupted, ParticellError, RunError
+
+if TYPE_CHECKING:
+    from particell.cases.base import Case
 
 FAILED, WRONG_INPUT, BROKEN, INTERRUPTED = 1, 2, 3, 130
 
@@ -78,36 +81,51 @@ def run(
     case: str, settings: tuple[str, ...], out: Path | None, overwrite: bool, **options: Any
 ) -> int:
     """Run a case, by its name or as a TOML file describes it."""
-    from particell import cases
-    from particell.cases.execution import execute, read_case_file
+    from particell.cases.execution import execute
 
-    if case.endswith(".toml"):
-        kind, parameters = read_case_file(case)
-    else:
-        kind, parameters = cases.load(case), {}
-    parameters |= parse_settings(settings)
-    directory = out or Path("out") / kind.name
-    instance = kind(**parameters)
+    instance = described_case(case, settings)
+    directory = out or Path("out") / instance.name
     return guarded(directory, lambda: execute(instance, directory, overwrite=overwrite, **options))
+
+
+@cli.command()
+@click.argument("case", metavar="CASE|FILE.toml")
+@click.option("--runs", type=int, required=True, help="Number of realisations.")
+@click.option("--processes", type=int, help="Local processes (default: one per core).")
+@click.option("--scheduler", "client", metavar="ADDRESS", help="Run on this dask cluster.")
+@click.option("--set", "settings", multiple=True, metavar="KEY=VALUE", help="Set a parameter.")
+@click.option("--out", type=click.Path(path_type=Path), help="Directory (default: out/CASE-runs).")
+@click.option("--overwrite", is_flag=True, help="Replace what that directory holds.")
+@run_options
+def ensemble(case: str, settings: tuple[str, ...], out: Path | None, **options: Any) -> int:
+    """Run many realisations of a case, each with a seed of its own and one thread."""
+    from particell.ensemble import command
+
+    instance = described_case(case, settings)
+    return command.run(instance, out or Path("out") / f"{instance.name}-runs", **options)
 
 
 @cli.command()
 @click.argument("directory", type=click.Path(path_type=Path))
 @click.option("--progress/--no-progress", default=True, help="Show a progress bar.")
 def resume(directory: Path, progress: bool) -> int:
-    """Go on with the run in DIRECTORY from its last checkpoint."""
+    """Go on with the run or the ensemble in DIRECTORY from its last checkpoints."""
     from particell.cases import execution
+    from particell.ensemble import command, is_ensemble
 
+    if is_ensemble(directory):
+        return command.resume(directory, progress)
     return guarded(directory, lambda: execution.resume(directory, progress=progress))
 
 
 @cli.command()
 @click.argument("directory", type=click.Path(path_type=Path))
 def plot(directory: Path) -> int:
-    """Draw the figures of the run in DIRECTORY again."""
+    """Draw the figures of the run or the ensemble in DIRECTORY again."""
     from particell.cases.execution import replot
+    from particell.ensemble import command, is_ensemble
 
-    for path in replot(directory):
+    for path in command.plot(directory) if is_ensemble(directory) else replot(directory):
         click.echo(path)
     return 0
 
@@ -202,6 +220,18 @@ def _cuda_devices() -> str:
 
 def _text(name: str | bytes) -> str:
     return name.decode() if isinstance(name, bytes) else name
+
+
+def described_case(case: str, settings: Sequence[str]) -> Case:
+    """The case of a name or a TOML file, with the settings of the command line."""
+    from particell import cases
+    from particell.cases.execution import read_case_file
+
+    if case.endswith(".toml"):
+        kind, parameters = read_case_file(case)
+    else:
+        kind, parameters = cases.load(case), {}
+    return kind(**(parameters | parse_settings(settings)))
 
 
 def parse_settings(settings: Sequence[str]) -> dict[str, Any]:

@@ -7,6 +7,7 @@ import pytest
 
 from particell.cases.base import Context
 from particell.cases.diffusion_1d import Diffusion1D, slab
+from particell.ensemble import Ensemble
 
 
 def test_series_of_images_agrees_with_the_fourier_series():
@@ -51,3 +52,18 @@ def test_wall_concentration_is_the_number_of_molecules_asked_for():
 def test_figures_are_drawn(coarse, tmp_path):
     case, _, run = coarse
     assert all(path.stat().st_size > 0 for path in case.figures(run, tmp_path))
+
+
+def test_ensemble_against_the_deterministic_solution(tmp_path):
+    case = Diffusion1D(resolution=16, dt=1e-3, every=0.05, until=0.4, molecules=400)
+    ensemble = Ensemble(case, runs=6, seed=2).run(tmp_path, processes=1, progress=False)
+    metrics = case.ensemble_metrics(ensemble)
+    assert metrics["mean_chi2"].passed
+    assert metrics["dispersion"].passed
+    assert metrics["mean molecules_drift"].value == 0
+    # what is tested is the mean: nearer to the solution than each realisation is
+    single = metrics["mean eps_molecules"].value
+    assert metrics["eps of the mean of molecules"].value < 0.75 * single
+    made = case.ensemble_figures(ensemble, tmp_path)
+    assert {path.name for path in made} == {"observables.png", "mean.png", "mean_error.png"}
+    assert all(path.stat().st_size > 0 for path in made)

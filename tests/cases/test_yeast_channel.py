@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
+from particell.cases import yeast_channel_ensemble
 from particell.cases import yeast_channel_results as results
 from particell.cases.base import Context
 from particell.cases.yeast_channel import YeastChannel
+from particell.ensemble import EnsembleRun
 
 
 def run_case(reynolds: float, chemistry: str, end: float):
@@ -32,6 +34,18 @@ def test_what_no_reaction_changes_is_conserved(both_ways):
     for name, drift in simulation.conservation().items():
         if name.startswith("amount"):
             assert abs(drift) == 0 if "molecules" in name else abs(drift) < 1e-12, name
+
+
+def test_summary_of_an_ensemble(both_ways, tmp_path):
+    case, _, run = both_ways
+    ensemble = EnsembleRun.__new__(EnsembleRun)  # of twice the same realisation
+    ensemble.directory, ensemble.indices, ensemble.runs = tmp_path, [0, 1], [run, run]
+    metrics = yeast_channel_ensemble.metrics(case, ensemble)
+    single = results.metrics(case, run)
+    error = metrics["RL_membrane_mean_of_molecules_t1"].value
+    assert error == pytest.approx(single["RL_membrane_molecules_t1"].value)
+    made = yeast_channel_ensemble.figures(case, ensemble, tmp_path)
+    assert [path.name for path in made] == ["membrane_mean.png", "binding_mean.png"]
 
 
 def test_no_particle_is_inside_the_cell(both_ways):

@@ -52,6 +52,7 @@ from particell.units import (
 
 if TYPE_CHECKING:
     from particell.compute.device import Device
+    from particell.ensemble.results import EnsembleRun
     from particell.output.run import Run
     from particell.simulation import Simulation
 
@@ -207,6 +208,21 @@ class Case(BaseModel, abc.ABC):
     def figures(self, run: Run, directory: Path) -> list[Path]:
         """Draw the figures into a directory; gives the paths of the PNG files."""
         return []
+
+    def ensemble_metrics(self, ensemble: EnsembleRun) -> dict[str, Metric]:
+        """What many realisations come to; by default the mean of each metric of :meth:`analyse`.
+
+        The mean is held against the limit of the metric itself.
+        """
+        from particell.ensemble.report import mean_metrics
+
+        return mean_metrics(ensemble)
+
+    def ensemble_figures(self, ensemble: EnsembleRun, directory: Path) -> list[Path]:
+        """Draw the figures of many realisations; by default mean ± deviation of the observables."""
+        from particell.ensemble.report import observables_figure
+
+        return observables_figure(ensemble, directory)
 
     def parameters(self) -> dict[str, dict[str, Any]]:
         """All parameters: ``{name: {"value": …, "unit": …}}``."""

@@ -25,7 +25,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from pydantic import Field
@@ -35,6 +35,7 @@ from scipy.stats import chi2
 
 from particell import plots
 from particell.analysis.statistics import epsilon_error, relative_l2
+from particell.cases import diffusion_1d_ensemble
 from particell.cases.base import Case, Context, Diffusivity, Length, Metric, Time
 from particell.chemistry.reservoirs import FixedValueWall
 from particell.chemistry.species import Species
@@ -44,6 +45,9 @@ from particell.output.run import Run
 from particell.phases import channel_walls, fluid
 from particell.schemes.static import Static
 from particell.simulation import Simulation
+
+if TYPE_CHECKING:
+    from particell.ensemble.results import EnsembleRun
 
 #: The papers' ε of concentrations and of molecules by resolution (κ = 0.1, t = 1).
 PAPER = {16: (6.6e-4, 8.5e-4), 32: (4.7e-4, 5.3e-4), 64: (3.8e-4, 8.1e-4)}
@@ -157,9 +161,7 @@ class Diffusion1D(Case):
         last = len(run) - 1
         x, values, counted = self.profiles(run, last)
         expected = self.exact(x, run.times[last])
-        fourier = self.diffusivity * run.times[last] / self.length**2
-        as_printed = math.isclose(fourier, 0.1, rel_tol=1e-6)
-        paper = PAPER.get(self.resolution, (None, None)) if as_printed else (None, None)
+        paper = self.printed(run.times[last])
         found = {
             "eps": Metric(epsilon_error(values, expected, 1.0), paper[0], paper[0]),
             "eps_molecules": Metric(epsilon_error(counted, expected, 1.0), paper[1]),
@@ -180,6 +182,12 @@ class Diffusion1D(Case):
         found["amount_drift"] = Metric(drift, limit=1e-10)
         found["molecules_drift"] = Metric(self._drift(run, "C_molecules"), limit=0.0)
         return found
+
+    def printed(self, time: float) -> tuple[float | None, float | None]:
+        """The papers' ε of concentrations and of molecules, where they have this time and size."""
+        fourier = self.diffusivity * time / self.length**2
+        as_printed = math.isclose(fourier, 0.1, rel_tol=1e-6)
+        return PAPER.get(self.resolution, (None, None)) if as_printed else (None, None)
 
     def _drift(self, run: Run, name: str) -> float:
         """Change of the total of a species, net of what came in through the walls."""
@@ -210,6 +218,17 @@ class Diffusion1D(Case):
             "molecules": self._scores_figure(run),
         }
         return [plots.save(figure, directory / f"{name}.png") for name, figure in made.items()]
+
+    def ensemble_metrics(self, ensemble: EnsembleRun) -> dict[str, Metric]:
+        """See :mod:`particell.cases.diffusion_1d_ensemble`."""
+        paper = self.printed(float(ensemble.times[-1]))[1]
+        found = diffusion_1d_ensemble.metrics(self, ensemble, paper)
+        return {**super().ensemble_metrics(ensemble), **found}
+
+    def ensemble_figures(self, ensemble: EnsembleRun, directory: Path) -> list[Path]:
+        """See :mod:`particell.cases.diffusion_1d_ensemble`."""
+        made = super().ensemble_figures(ensemble, directory)
+        return made + diffusion_1d_ensemble.figures(self, ensemble, directory)
 
     @plots.styled
     def _profiles_figure(self, run: Run):

@@ -33,6 +33,7 @@ def execute(
     precision: str = "float64",
     progress: bool = True,
     overwrite: bool = False,
+    report: bool = True,
 ) -> int:
     """Run a case and leave trajectory, checkpoint, figures and summary in a directory.
 
@@ -48,6 +49,8 @@ def execute(
         Whether to show a progress bar.
     overwrite
         Whether to replace what an earlier run left in the directory.
+    report
+        Whether to draw the figures and print the metrics.
 
     Returns
     -------
@@ -70,8 +73,8 @@ def execute(
     # Built first too: a case that refuses its parameters should leave no directory behind.
     simulation = case.build(context)
     directory = prepare_directory(out)
-    write_json(directory / CASE, _identity(case, context))
-    return _finish(case, context, simulation, directory, progress)
+    write_json(directory / CASE, identity(case, context))
+    return _finish(case, context, simulation, directory, progress, report)
 
 
 def resume(directory: str | Path, progress: bool = True) -> int:
@@ -84,11 +87,18 @@ def resume(directory: str | Path, progress: bool = True) -> int:
     """
     directory = Path(directory)
     case, context = read_case(directory)
+    return go_on(case, context, directory, progress)
+
+
+def go_on(
+    case: Case, context: Context, directory: Path, progress: bool = True, report: bool = True
+) -> int:
+    """:func:`resume` with the case and how it is run given."""
     state, _ = read_checkpoint(directory / CHECKPOINT)
     set_threads(context.threads)
     simulation = case.build(context)
     simulation.restore(state)
-    return _finish(case, context, simulation, directory, progress)
+    return _finish(case, context, simulation, directory, progress, report)
 
 
 def replot(directory: str | Path) -> list[Path]:
@@ -103,14 +113,18 @@ def read_case(directory: str | Path) -> tuple[Case, Context]:
     path = Path(directory) / CASE
     if not path.is_file():
         raise InputError("directory", str(directory), f"one with the output of a run ({CASE})")
-    identity = read_json(path, "case")
+    found = read_json(path, "case")
     try:
-        name, reference = identity["case"], identity.get("class")
-        parameters, context = identity["parameters"], Context(**identity["context"])
+        name, reference = found["case"], found.get("class")
+        parameters, context = found["parameters"], Context(**found["context"])
     except (KeyError, TypeError) as error:
         raise InputError("case", str(path), f"a case file of particell ({error})") from None
-    kind = cases.load_class(reference) if reference else cases.load(name)
-    return kind(**parameters), context
+    return case_class(name, reference)(**parameters), context
+
+
+def case_class(name: str, reference: str | None) -> type[Case]:
+    """The class of a case by its name, or by ``"module:Class"`` where it is not built in."""
+    return cases.load_class(reference) if reference else cases.load(name)
 
 
 def read_case_file(path: str | Path) -> tuple[type[Case], dict[str, Any]]:
@@ -198,7 +212,7 @@ def _number(value: float | None) -> str:
     return "-" if value is None else f"{value:.4g}"
 
 
-def _identity(case: Case, context: Context) -> dict[str, Any]:
+def identity(case: Case, context: Context) -> dict[str, Any]:
     """What it takes to build the same simulation again."""
     kind = type(case)
     reference = f"{kind.__module__}:{kind.__qualname__}"
@@ -217,7 +231,12 @@ def _identity(case: Case, context: Context) -> dict[str, Any]:
 
 
 def _finish(
-    case: Case, context: Context, simulation: Simulation, directory: Path, progress: bool
+    case: Case,
+    context: Context,
+    simulation: Simulation,
+    directory: Path,
+    progress: bool,
+    report: bool,
 ) -> int:
     simulation.run(until=case.until, every=case.every, out=directory, progress=progress)
     # Read from the file, so that a resumed run is analysed as a whole.
@@ -238,10 +257,16 @@ def _finish(
             **simulation.settings,
         },
     )
-    case.figures(run, directory)
+    if report:
+        case.figures(run, directory)
+        print_report(case, metrics, directory)
+    return 0 if all(metric.passed for metric in metrics.values()) else 1
+
+
+def print_report(case: Case, metrics: Mapping[str, Metric], directory: Path) -> None:
+    """Print the metrics and where the output is."""
     with contextlib.suppress(BrokenPipeError):
         print(f"{case.name}: {case.title}\n{metrics_table(metrics)}\noutput in {directory}")
-    return 0 if all(metric.passed for metric in metrics.values()) else 1
 
 
 def _threads() -> int:

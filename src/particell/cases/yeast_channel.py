@@ -25,13 +25,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
 from particell.boundaries.reflection import Reflection
 from particell.boundaries.sponge import Sponge
+from particell.cases import yeast_channel_ensemble
 from particell.cases import yeast_channel_results as results
 from particell.cases.base import (
     Case,
@@ -54,6 +55,9 @@ from particell.output.run import Run
 from particell.phases import Phase, channel_walls
 from particell.schemes.sdpd import SDPD
 from particell.simulation import Simulation
+
+if TYPE_CHECKING:
+    from particell.ensemble.results import EnsembleRun
 
 #: What is added to the names of the species that are molecules.
 MOLECULES = "_molecules"
@@ -261,3 +265,13 @@ class YeastChannel(Case):
     def figures(self, run: Run, directory: Path) -> list[Path]:
         """See :mod:`particell.cases.yeast_channel_results`."""
         return results.figures(self, run, directory)
+
+    def ensemble_metrics(self, ensemble: EnsembleRun) -> dict[str, Metric]:
+        """See :mod:`particell.cases.yeast_channel_ensemble`."""
+        found = yeast_channel_ensemble.metrics(self, ensemble)
+        return {**super().ensemble_metrics(ensemble), **found}
+
+    def ensemble_figures(self, ensemble: EnsembleRun, directory: Path) -> list[Path]:
+        """See :mod:`particell.cases.yeast_channel_ensemble`."""
+        made = super().ensemble_figures(ensemble, directory)
+        return made + yeast_channel_ensemble.figures(self, ensemble, directory)

@@ -301,6 +301,8 @@ def _fill_reaction(
         tables.shared[r] = all(name in other.names for name in reaction.names)
     law = reaction.rate_law or reaction.propensity
     if law is not None:
+        if hasattr(law, "bind"):  # a formula with the species' names in it
+            law = law.bind(tables.names)
         tables.laws.append(law if hasattr(law, "py_func") else njit(law))
         tables.law[r] = len(tables.laws)
     else:

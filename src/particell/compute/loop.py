@@ -33,9 +33,9 @@ from numba import njit, prange
 from particell.compute.cache import NUMBA_CONFIG, compiled_here
 from particell.compute.simulator import for_simulator, simulating
 
-#: ``fastmath=True`` would delete ``isfinite``. Re-association is for loops over batches only: with it
-#: LLVM vectorises sums over neighbours with gather instructions, which are more than twice slower
-#: than scalar loads on processors with the mitigations of recent years.
+#: ``fastmath=True`` would delete ``isfinite``. Re-association is for loops over batches only: with
+#: it LLVM vectorises sums over neighbours with gather instructions, which are more than twice
+#: slower than scalar loads on processors with the mitigations of recent years.
 FASTMATH = {"contract", "arcp", "nsz"}
 #: Only what ``prange`` needs: the other automatic transformations double the compile time.
 PARALLEL = {
@@ -188,7 +188,7 @@ def _cpu_loop(loop: Loop, constants: dict[str, Any]) -> Callable[..., None]:
 
 @contextmanager
 def vectorisers(on: bool) -> Iterator[None]:
-    """Switch LLVM's vectorisers; off, gathers are avoided (see FASTMATH) and compiling is faster."""
+    """Switch LLVM's vectorisers; off, gathers are avoided and compiling is faster."""
     config: Any = numba.config
     before = config.LOOP_VECTORIZE, config.SLP_VECTORIZE
     config.LOOP_VECTORIZE = config.SLP_VECTORIZE = int(on)

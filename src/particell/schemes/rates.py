@@ -129,10 +129,10 @@ def rates(
 
     ``shift`` receives the sum of :mod:`particell.laws.shifting` (with the forces).
     ``transverse``, ``radial`` and ``thermal`` (k_B T) are tables by group; ``diffusion`` is
-    2 δ h c₀ by group. ``inverse_dt`` is 1/dt, by which the squared noise grows. The arrays ``near…``
-    are the batch: differences of position and velocity, the neighbour's ``matter``, the factor of
-    a wall's difference of velocity, the pair's support, its friction coefficients and k_B T where
-    they differ, the neighbour's id.
+    2 δ h c₀ by group. ``inverse_dt`` is 1/dt, by which the squared noise grows. The arrays
+    ``near…`` are the batch: differences of position and velocity, the neighbour's ρ, V, m, P/ρ²,
+    the factor of a wall's difference of velocity, the pair's support, its friction coefficients
+    and k_B T where they differ, the neighbour's id.
     """
     if is_wall[i]:
         for d in range(DIM):

@@ -1,0 +1,122 @@
+"""Small SBML files, written by hand."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+MATHML = "http://www.w3.org/1998/Math/MathML"
+
+#: mmol, litres and minutes.
+UNITS = """
+<listOfUnitDefinitions>
+  <unitDefinition id="mmol"><listOfUnits>
+    <unit kind="mole" exponent="1" scale="-3" multiplier="1"/></listOfUnits></unitDefinition>
+  <unitDefinition id="minute"><listOfUnits>
+    <unit kind="second" exponent="1" scale="0" multiplier="60"/></listOfUnits></unitDefinition>
+</listOfUnitDefinitions>
+"""
+
+
+def math(formula: str) -> str:
+    """Content MathML of a formula such as ``(* cell k A)``: prefix notation in brackets."""
+    tokens = formula.replace("(", " ( ").replace(")", " ) ").split()
+    names = {"+": "plus", "-": "minus", "*": "times", "/": "divide", "^": "power"}
+
+    def parse() -> str:
+        token = tokens.pop(0)
+        if token == "(":
+            inner = f"<{names.get(tokens[0], tokens[0])}/>"
+            tokens.pop(0)
+            while tokens[0] != ")":
+                inner += parse()
+            tokens.pop(0)
+            return f"<apply>{inner}</apply>"
+        try:
+            float(token)
+        except ValueError:
+            return f"<ci> {token} </ci>"
+        return f"<cn> {token} </cn>"
+
+    return f'<math xmlns="{MATHML}">{parse()}</math>'
+
+
+def species(name: str, initial: str, amounts: bool = False, **more: str) -> str:
+    attributes = {
+        "hasOnlySubstanceUnits": str(amounts).lower(),
+        "boundaryCondition": "false",
+        "constant": "false",
+        **more,
+    }
+    rest = " ".join(f'{k}="{v}"' for k, v in attributes.items())
+    kind, _, value = initial.partition("=")
+    return f'<species id="{name}" compartment="cell" initial{kind}="{value}" {rest}/>'
+
+
+def reaction(
+    name: str,
+    left: str,
+    right: str,
+    formula: str,
+    local: str = "",
+    reversible: bool = False,
+    modifiers: str = "",
+    fast: bool = False,
+) -> str:
+    """Sides as ``"2 A + B"``; local parameters as ``"k=1 m=2"``."""
+
+    def side(tag: str, text: str) -> str:
+        found = ""
+        for term in filter(None, (t.strip() for t in text.split("+"))):
+            *number, what = term.split()
+            n = number[0] if number else "1"
+            found += f'<speciesReference species="{what}" stoichiometry="{n}" constant="true"/>'
+        return f"<{tag}>{found}</{tag}>" if found else ""
+
+    modified = "".join(f'<modifierSpeciesReference species="{m}"/>' for m in modifiers.split())
+    parameters = "".join(
+        '<localParameter id="{}" value="{}"/>'.format(*p.split("=")) for p in local.split()
+    )
+    return (
+        f'<reaction id="{name}" reversible="{str(reversible).lower()}" fast="{str(fast).lower()}">'
+        + side("listOfReactants", left)
+        + side("listOfProducts", right)
+        + (f"<listOfModifiers>{modified}</listOfModifiers>" if modified else "")
+        + f"<kineticLaw>{math(formula)}"
+        + (f"<listOfLocalParameters>{parameters}</listOfLocalParameters>" if parameters else "")
+        + "</kineticLaw></reaction>"
+    )
+
+
+def write(
+    path: Path,
+    content: list[str],
+    reactions: list[str],
+    parameters: str = "",
+    extra: str = "",
+    functions: str = "",
+    volume: float = 2.0,
+    dimensions: int = 3,
+    substance: str = "mmol",
+    more: str = "",
+) -> Path:
+    """A file of level 3 with one compartment ``cell`` in litres, and time in minutes."""
+    given = "".join(
+        '<parameter id="{}" value="{}" constant="true"/>'.format(*p.split("="))
+        for p in parameters.split()
+    )
+    path.write_text(
+        '<?xml version="1.0" encoding="UTF-8"?>'
+        '<sbml xmlns="http://www.sbml.org/sbml/level3/version1/core" level="3" version="1">'
+        f'<model id="model" substanceUnits="{substance}" extentUnits="{substance}" '
+        'volumeUnits="litre" timeUnits="minute">'
+        f"{functions}{UNITS}"
+        f'<listOfCompartments><compartment id="cell" size="{volume}" constant="true" '
+        f'spatialDimensions="{dimensions}"/></listOfCompartments>'
+        f"<listOfSpecies>{''.join(content)}</listOfSpecies>"
+        + (f"<listOfParameters>{given}{more}</listOfParameters>" if given or more else "")
+        + extra.partition("|")[0]
+        + (f"<listOfReactions>{''.join(reactions)}</listOfReactions>" if reactions else "")
+        + extra.partition("|")[2]
+        + "</model></sbml>"
+    )
+    return path

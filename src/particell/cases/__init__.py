@@ -16,9 +16,21 @@ if TYPE_CHECKING:
 
 # name: (module and class, what it is in one line)
 CASES: dict[str, tuple[str, str]] = {
+    "annihilation-1d": (
+        "particell.cases.annihilation_1d:Annihilation1D",
+        "Two species that meet and annihilate, with concentrations and with molecules",
+    ),
     "diffusion-1d": (
         "particell.cases.diffusion_1d:Diffusion1D",
         "Diffusion across a slab, with concentrations and with molecules",
+    ),
+    "diffusion-2d": (
+        "particell.cases.diffusion_2d:Diffusion2D",
+        "Diffusion in a plate, with concentrations and with molecules",
+    ),
+    "effective-diffusivity": (
+        "particell.cases.effective_diffusivity:EffectiveDiffusivity",
+        "The diffusivity that a Fourier mode decays with, on any arrangement of particles",
     ),
     "equilibrium-2d": (
         "particell.cases.equilibrium:Equilibrium2D",

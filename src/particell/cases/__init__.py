@@ -20,6 +20,10 @@ CASES: dict[str, tuple[str, str]] = {
         "particell.cases.annihilation_1d:Annihilation1D",
         "Two species that meet and annihilate, with concentrations and with molecules",
     ),
+    "birth-death": (
+        "particell.cases.birth_death:BirthDeath",
+        "Molecules that come out of nothing and die: Poisson numbers",
+    ),
     "diffusion-1d": (
         "particell.cases.diffusion_1d:Diffusion1D",
         "Diffusion across a slab, with concentrations and with molecules",
@@ -40,9 +44,21 @@ CASES: dict[str, tuple[str, str]] = {
         "particell.cases.equilibrium:Equilibrium3D",
         "A fluctuating fluid at rest in three dimensions: temperature, Maxwell, density",
     ),
+    "isomerisation": (
+        "particell.cases.isomerisation:Isomerisation",
+        "A <-> B with equal rates under fast diffusion: half and half",
+    ),
+    "min-oscillation": (
+        "particell.cases.min_oscillation:MinOscillation",
+        "MinD and MinE oscillating from pole to pole of a bacterium, molecule by molecule",
+    ),
     "taylor-green": (
         "particell.cases.taylor_green:TaylorGreen",
         "Taylor–Green vortices decaying in a periodic square, with plain SPH",
+    ),
+    "turing": (
+        "particell.cases.turing:Turing",
+        "A Turing pattern of Schnakenberg's kinetics, with concentrations and with molecules",
     ),
     "yeast-channel": (
         "particell.cases.yeast_channel:YeastChannel",

@@ -57,7 +57,7 @@ ALARM = 1e-6
 #: The decay of the slowest mode is fitted between these parts of it.
 LARGEST_PART, SMALLEST_PART = 0.9, 0.15
 #: Support in spacings: the nearest neighbours of a lattice, or enough for disorder.
-SUPPORT = {"square": 1.8, "hexagonal": 1.8, "jittered": 2.4, "packed": 2.4}
+SUPPORT = {"square": 1.8, "hexagonal": 1.8, "jittered": 3.0, "packed": 3.0}
 WATER = Fluid(density=1000.0, viscosity=1e-3)
 
 
@@ -107,7 +107,7 @@ class Diffusion2D(Case):
     realisations: Annotated[int, Field(ge=1, le=10**4)] = 50
     """Number of realisations whose mean is taken."""
     support: Annotated[float, Field(ge=1.2, le=4)] | None = None
-    """Support of the kernel in particle spacings (default: 1.8 on lattices, 2.4 without order)."""
+    """Support of the kernel in particle spacings (default: 1.8 on lattices, 3 without order)."""
     normalise: bool = True
     """Whether to divide by the kernel sum."""
     end: Annotated[float, Field(gt=0, le=10)] = 0.6

@@ -224,8 +224,8 @@ def write_page(base: Path, rows: Sequence[Row], status: Sequence[int], command: 
         pictures = []
         for row, code in own:
             place = base / kind.name / row.slug
-            result = {"case": kind.name, "settings": row.settings, "command": row.command}
-            result |= {"status": code}
+            result: dict[str, Any] = {"case": kind.name, "status": code}
+            result |= {"settings": row.settings, "command": row.command}
             if (place / SUMMARY).is_file():
                 summary = read_json(place / SUMMARY, "summary")
                 result |= {key: summary[key] for key in ("metrics", "performance", "version")}

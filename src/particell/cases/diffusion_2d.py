@@ -262,7 +262,7 @@ class Diffusion2D(Case):
         points = self.points(run)
         steady = steady_plate(points)
         fourier = run.times * self.diffusivity / self.length**2
-        frames = np.flatnonzero(fourier > 0.02 * (1 - 1e-9))
+        frames = [int(k) for k in np.flatnonzero(fourier > 0.02 * (1 - 1e-9))]
         errors = [
             relative_l2(self.values(run, k)[0], plate(points, fourier[k], steady)) for k in frames
         ]

@@ -14,11 +14,13 @@ de → D_ADP + E          in the membrane             0.7 /s
 ======================  ==========================  ==================
 
 Cylinder: radius 0.5 µm, length 4 µm; 1000 MinD and 350 MinE (dimers) a µm; D_ADP, D_ATP and E
-diffuse with 2.5 µm²/s, d and de not at all. The authors' deterministic period is 39 s; periods in
-cells are 30 to 60 s and more.
+diffuse with 2.5 µm²/s. The authors' deterministic period is 39 s; periods in cells are 30 to 60 s
+and more. In the membrane d and de diffuse with 0.01 µm²/s (Fange & Elf). The authors had them at
+rest; molecule by molecule that lets MinD pile up in single particles (500 in one, measured), for
+recruiting feeds on what is there; the period is then 42 s.
 
-Particles are a cubic lattice cut to the cylinder. Those that miss a neighbour are the group
-``membrane``, which holds d and de besides the species of the cytosol. The membrane's layer has the
+Particles are a cubic lattice cut to the cylinder. Those that miss one of 18 neighbours are the
+group ``membrane``, which holds d and de besides the species of the cytosol. Its layer has the
 thickness δ = volume/true area, so that the rate of binding per area σ becomes σ/δ per molecule in
 the layer, and second-order constants stay what they are. Jumps go to the nearest neighbours, with
 the constant factor of the infinite lattice taken out of the diffusivity; no particles outside, no
@@ -83,6 +85,8 @@ class MinOscillation(Case):
     """Molecules (dimers) of MinE."""
     diffusivity: Annotated[Diffusivity, Field(gt=0)] = 2.5e-12
     """Diffusivity in the cytosol."""
+    membrane_diffusivity: Annotated[Diffusivity, Field(ge=0)] = 0.01e-12
+    """Diffusivity in the membrane."""
     exchange: Annotated[Rate, Field(ge=0)] = 1.0
     """D_ADP → D_ATP."""
     binding: Annotated[SurfaceRate, Field(ge=0)] = 0.025e-6
@@ -95,7 +99,7 @@ class MinOscillation(Case):
     """de → D_ADP + E."""
     dt: Annotated[Time, Field(gt=0)] = 2.5e-3
     """Time step: three jumps of a molecule."""
-    until: Annotated[Time, Field(gt=0)] = 160.0
+    until: Annotated[Time, Field(gt=0)] = 140.0
     """End of the run."""
     every: Annotated[Time, Field(gt=0)] = 1.0
     """Time between frames."""
@@ -108,8 +112,9 @@ class MinOscillation(Case):
         domain = Domain((0, -half, -half), (self.length, half, half))
         points = lattice(domain, dx)
         points = points[np.hypot(points[:, 1], points[:, 2]) < self.radius]
-        i, _, _ = neighbour_pairs(points, domain, 1.01 * dx)
-        outside = np.bincount(i, minlength=len(points)) < 6
+        # with neighbours along edges, so that the layer is connected by nearest neighbours
+        i, _, _ = neighbour_pairs(points, domain, 1.5 * dx)
+        outside = np.bincount(i, minlength=len(points)) < 18
         # the volume is the cylinder's, whatever the steps of the lattice are
         volume = math.pi * self.radius**2 * self.length / len(points)
         area = 2 * math.pi * self.radius * (self.length + self.radius)
@@ -135,7 +140,8 @@ class MinOscillation(Case):
         """Three species of the cytosol, two of the membrane; ``part`` is V/Δx³ of the particles."""
         kappa = self.diffusivity / (on_lattice("lucy", SUPPORT, 3) * part)
         inside = [Species(name, kappa, molecules=True) for name in ("D_ADP", "D_ATP", "E")]
-        bound = [Species(name, molecules=True, only_in="membrane") for name in ("d", "de")]
+        slow = kappa * self.membrane_diffusivity / self.diffusivity
+        bound = [Species(name, slow, molecules=True, only_in="membrane") for name in ("d", "de")]
         return inside + bound
 
     def reactions(self, layer: float) -> list[Reaction]:
@@ -171,7 +177,7 @@ class MinOscillation(Case):
         """Molecules of some species in slices of one spacing along the cell, (frames, slices)."""
         x = run.field("position")[0][:, 0]
         column = np.floor(x / self.spacing).astype(int)
-        total = sum(np.asarray(run.field(f"count/{name}")[:]) for name in names)
+        total = np.sum([run.field(f"count/{name}")[:] for name in names], axis=0)
         return np.array([np.bincount(column, frame, minlength=column.max() + 1) for frame in total])
 
     def dipole(self, run: Run) -> np.ndarray:
@@ -204,17 +210,19 @@ class MinOscillation(Case):
         swing = float(np.abs(self.dipole(run)[late]).mean())
         mean = self.along(run, "d", "de")[late].mean(axis=0)
         n = len(mean)
+        # the mean place of as many molecules anywhere, with nothing that oscillates
+        noise = math.sqrt(1 / (3 * max(mean.sum(), 1)))
         middle = mean[n * 2 // 5 : n - n * 2 // 5].mean()
         poles = np.concatenate([mean[: n // 5], mean[n - n // 5 :]]).mean()
         lost = {}
         for label, names in (("MinD", ("D_ADP", "D_ATP", "d", "de")), ("MinE", ("E", "de"))):
-            total = sum(run.observable(f"amount_{name}") for name in names)
+            total = np.sum([run.observable(f"amount_{name}") for name in names], axis=0)
             lost[label] = float(np.abs(total - total[0]).max())
         return {
             "period": Metric(period, unit="s"),
             "period_error": Metric(period / PERIOD - 1, limit=LIMIT),
             "swing": Metric(swing),
-            "swing_missing": Metric(max(0.0, 0.3 - swing), limit=0.0),
+            "swing_missing": Metric(max(0.0, 6 * noise - swing), limit=0.0),
             "middle_over_poles": Metric(float(middle / poles), limit=0.8),
             "MinD_lost": Metric(lost["MinD"], limit=0.0),
             "MinE_lost": Metric(lost["MinE"], limit=0.0),

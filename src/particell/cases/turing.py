@@ -69,7 +69,7 @@ class Turing(Case):
     """Molecules of U in a particle at u = 1; sets c."""
     noise: Annotated[float, Field(gt=0, le=0.1)] = 0.01
     """Relative differences of the concentrations at first."""
-    end: Annotated[float, Field(ge=12, le=10_000)] = 45.0
+    end: Annotated[float, Field(ge=12, le=10_000)] = 36.0
     """End of the run in units of 1/k."""
 
     @property
@@ -80,7 +80,7 @@ class Turing(Case):
     @property
     def every(self) -> float:
         """Time between frames in s."""
-        return self.until / 90
+        return self.until / 72
 
     @property
     def edge(self) -> float:
@@ -224,10 +224,10 @@ class Turing(Case):
         factor = 1e6
         fine = np.linspace(0.2, 2.2, 200) * self.fastest()
         left.plot(fine / factor, [self.growth(w) for w in fine], "k-", lw=0.8, label="linear")
-        shown = (q > fine[0]) & (q < 1.4 * self.fastest())
+        shown = np.array([self.growth(w) > 0 for w in q])
         rates = np.log(second[shown] / first[shown]) / (2 * span)
         left.plot(q[shown] / factor, rates, ".", ms=3, label="each mode")
-        left.set(xlabel="q [1/µm]", ylabel="growth rate [1/s]")
+        left.set(xlabel="q [1/µm]", ylabel="growth rate [1/s]", ylim=(-0.2, None))
         left.legend()
         for k, name in enumerate(("U", "U_molecules")):
             contrast = [self.field(run, f, name).std() for f in range(len(run))]

@@ -212,8 +212,11 @@ class MinOscillation(Case):
         n = len(mean)
         # the mean place of as many molecules anywhere, with nothing that oscillates
         noise = math.sqrt(1 / (3 * max(mean.sum(), 1)))
-        middle = mean[n * 2 // 5 : n - n * 2 // 5].mean()
-        poles = np.concatenate([mean[: n // 5], mean[n - n // 5 :]]).mean()
+        # by the membrane there: the slices at the ends have more of it
+        x = run.field("position")[0][run.group("membrane"), 0]
+        share = mean / np.bincount(np.floor(x / self.spacing).astype(int), minlength=n)
+        middle = share[n * 2 // 5 : n - n * 2 // 5].mean()
+        poles = np.concatenate([share[: n // 5], share[n - n // 5 :]]).mean()
         lost = {}
         for label, names in (("MinD", ("D_ADP", "D_ATP", "d", "de")), ("MinE", ("E", "de"))):
             total = np.sum([run.observable(f"amount_{name}") for name in names], axis=0)

@@ -289,7 +289,8 @@ class Annihilation1D(Case):
             float(scores.mean()), limit=float(chi2.isf(ALARM, scores.size) / scores.size)
         )
         scatter = counted[0].std(axis=0, ddof=1) * math.sqrt(self.molecules)
-        found["scatter_of_A"] = Metric(float(np.mean(scatter / np.sqrt(values[0]))))
+        there = values[0] > 1e-3
+        found["scatter_of_A"] = Metric(float(np.mean(scatter[there] / np.sqrt(values[0, there]))))
         bias = (mean[0] - values[0]).sum() / values[0].sum()
         found["molecules_bias"] = Metric(float(bias), limit=1e-2)
         drift = simulation.conservation()

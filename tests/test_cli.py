@@ -170,13 +170,48 @@ def test_plot_and_export(capsys, tmp_path):
     fails(capsys, 2, "trajectory", line="export nowhere")
 
 
-def test_validate(capsys):
+def test_validate_writes_one_page_and_does_not_repeat_itself(capsys, tmp_path):
     assert particell("validate") == 0
-    assert "1 of 1 cases passed" in capsys.readouterr().out
+    assert "1 of 1 runs passed" in capsys.readouterr().out
     assert particell("validate walk --full --out v") == 0
-    assert Run("v/walk").field("position").shape == (11, 64, 2)
+    row = tmp_path / "v" / "walk" / "particles-64"
+    assert Run(row).field("position").shape == (11, 64, 2)
+    page = (tmp_path / "v" / "page" / "index.md").read_text()
+    assert "| particles=64 | spread |" in page and "| yes |" in page
+    assert "`particell run walk --set particles=64`" in page
+    assert (tmp_path / "v" / "page" / "walk_particles-64_spread.png").exists()
+    results = json.loads((tmp_path / "v" / "page" / "results.json").read_text())
+    assert results["rows"][0]["metrics"]["spread"]["paper"] == 0.5
+    made = (row / "run.h5").stat().st_mtime_ns
     capsys.readouterr()
-    fails(capsys, 2, "--overwrite", line="validate --out v")
+    assert particell("validate walk --full --out v") == 0
+    assert "finished before" in capsys.readouterr().out
+    assert (row / "run.h5").stat().st_mtime_ns == made
+    assert particell("validate walk --full --out v --overwrite") == 0
+    assert (row / "run.h5").stat().st_mtime_ns > made
+    made = (row / "run.h5").stat().st_mtime_ns
+    assert particell("validate walk --full --out v --seed 2") == 0
+    assert (row / "run.h5").stat().st_mtime_ns > made
+    fails(capsys, 2, "did you mean 'walk'", line="validate wlak")
+
+
+def test_validate_goes_on_after_what_fails(capsys, tmp_path, monkeypatch):
+    from fake_case import Walk
+
+    sizes = [{"particles": 13}, {"limit": 1e-6}, {"break_at": 3}, {"particles": 20}]
+    monkeypatch.setattr(Walk, "full", sizes)
+    monkeypatch.setattr("particell.validation.GROUPS", {"all": ("walk", "not-there-yet")})
+    assert particell("validate all --full --out v") == 3
+    out = capsys.readouterr().out
+    assert "1 of 4 runs passed" in out
+    page = (tmp_path / "v" / "page" / "index.md").read_text()
+    assert "did not finish" in page and "**no**" in page
+    went_on = []
+    monkeypatch.setattr(
+        "particell.cases.execution.resume", lambda place, progress: went_on.append(place.name) or 0
+    )
+    assert particell("validate all --full --out v") == 2
+    assert went_on == ["break_at-3"]
 
 
 def test_info_and_version(capsys):

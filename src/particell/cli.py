@@ -7,10 +7,8 @@ broke; 130 interrupted.
 from __future__ import annotations
 
 import sys
-import tempfile
 import tomllib
 from collections.abc import Callable, Sequence
-from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -144,39 +142,24 @@ def export(directory: Path, kind: str, out: Path | None) -> int:
 
 
 @cli.command()
-@click.argument("names", nargs=-1, metavar="[CASE]...")
+@click.argument("names", nargs=-1, metavar="[CASE|GROUP]...")
 @click.option("--full", is_flag=True, help="At the papers' sizes.")
-@click.option("--out", type=click.Path(path_type=Path), help="Keep the output, below here.")
-@click.option("--overwrite", is_flag=True, help="Replace earlier runs there.")
+@click.option(
+    "--out", type=click.Path(path_type=Path), help="Keep the output and a page of it here."
+)
+@click.option("--overwrite", is_flag=True, help="Make finished runs there again.")
 @run_options
 def validate(
     names: tuple[str, ...], full: bool, out: Path | None, overwrite: bool, **options: Any
 ) -> int:
-    """Run cases (default: all) and compare with exact solutions, references and the papers."""
-    from particell import cases
-    from particell.cases.execution import execute
+    """Run cases (default: all) and compare with exact solutions, references and the papers.
 
-    kinds = [cases.load(name) for name in names or cases.names()]
-    status = {}
-    with nullcontext(out) if out else tempfile.TemporaryDirectory() as base:
-        for kind in kinds:
-            directory = Path(base) / kind.name
+    Groups: sdpd-ssa, stochastic. With --out, one page of all numbers is written, and a run that is
+    finished there, with the same version and parameters, is not made again.
+    """
+    from particell import validation
 
-            def one(kind: Any = kind, directory: Path = directory) -> int:
-                case = kind(**(kind.full if full else {}))
-                return execute(case, directory, overwrite=overwrite, **options)
-
-            try:
-                status[kind.name] = guarded(directory, one)
-            except InputError as error:  # the other cases can still tell something
-                status[kind.name] = complain(error)
-            if status[kind.name] == INTERRUPTED:
-                return INTERRUPTED
-            click.echo()
-    failed = [name for name, code in status.items() if code]
-    good = f"{len(status) - len(failed)} of {len(status)} cases passed"
-    click.echo(good + (f"; not: {', '.join(failed)}" if failed else ""))
-    return max(status.values(), default=0)
+    return validation.validate(names, full, out, overwrite, guarded, complain, **options)
 
 
 @cli.command()

@@ -16,9 +16,25 @@ if TYPE_CHECKING:
 
 # name: (module and class, what it is in one line)
 CASES: dict[str, tuple[str, str]] = {
+    "annihilation-1d": (
+        "particell.cases.annihilation_1d:Annihilation1D",
+        "Two species that meet and annihilate, with concentrations and with molecules",
+    ),
+    "birth-death": (
+        "particell.cases.birth_death:BirthDeath",
+        "Molecules that come out of nothing and die: Poisson numbers",
+    ),
     "diffusion-1d": (
         "particell.cases.diffusion_1d:Diffusion1D",
         "Diffusion across a slab, with concentrations and with molecules",
+    ),
+    "diffusion-2d": (
+        "particell.cases.diffusion_2d:Diffusion2D",
+        "Diffusion in a plate, with concentrations and with molecules",
+    ),
+    "effective-diffusivity": (
+        "particell.cases.effective_diffusivity:EffectiveDiffusivity",
+        "The diffusivity that a Fourier mode decays with, on any arrangement of particles",
     ),
     "equilibrium-2d": (
         "particell.cases.equilibrium:Equilibrium2D",
@@ -28,6 +44,14 @@ CASES: dict[str, tuple[str, str]] = {
         "particell.cases.equilibrium:Equilibrium3D",
         "A fluctuating fluid at rest in three dimensions: temperature, Maxwell, density",
     ),
+    "isomerisation": (
+        "particell.cases.isomerisation:Isomerisation",
+        "A <-> B with equal rates under fast diffusion: half and half",
+    ),
+    "min-oscillation": (
+        "particell.cases.min_oscillation:MinOscillation",
+        "MinD and MinE oscillating from pole to pole of a bacterium, molecule by molecule",
+    ),
     "natural-convection": (
         "particell.cases.natural_convection:NaturalConvection",
         "Natural convection around a cylinder in a square cavity, driven by a solute",
@@ -35,6 +59,10 @@ CASES: dict[str, tuple[str, str]] = {
     "taylor-green": (
         "particell.cases.taylor_green:TaylorGreen",
         "Taylor–Green vortices decaying in a periodic square, with plain SPH",
+    ),
+    "turing": (
+        "particell.cases.turing:Turing",
+        "A Turing pattern of Schnakenberg's kinetics, with concentrations and with molecules",
     ),
     "yeast-channel": (
         "particell.cases.yeast_channel:YeastChannel",

@@ -24,7 +24,7 @@ from __future__ import annotations
 
 import abc
 import functools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, get_args
@@ -163,8 +163,10 @@ class Case(BaseModel, abc.ABC):
     """What the case is called on the command line."""
     title: ClassVar[str]
     """What it is, in one line."""
-    full: ClassVar[Mapping[str, Any]] = {}
-    """Parameters of the paper's size, for ``validate --full``."""
+    full: ClassVar[Mapping[str, Any] | Sequence[Mapping[str, Any]]] = {}
+    """Parameters of the paper's size, or of each of its sizes, for ``validate --full``."""
+    reference: ClassVar[str] = ""
+    """What it is compared with, in a few words."""
 
     if TYPE_CHECKING:
         # Either fields or properties of the actual cases, which is why they are none here.

@@ -69,6 +69,7 @@ class Equilibrium2D(Case):
 
     name = "equilibrium-2d"
     title = "A fluctuating fluid at rest in two dimensions: temperature, Maxwell, density"
+    reference: ClassVar[str] = "equipartition, the normal distribution, mean-field structure factor"
     full: ClassVar[dict[str, Any]] = {"resolution": 64}
     dim: ClassVar[int] = 2
 

@@ -58,7 +58,7 @@ from particell import plots
 from particell.analysis.statistics import decay_rate
 from particell.cases.base import Case, Context, Density, Length, Metric, Velocity
 from particell.geometry.domain import Domain
-from particell.geometry.fill import jittered, lattice, packed
+from particell.geometry.fill import arranged
 from particell.materials import Fluid
 from particell.output.run import Run
 from particell.phases import Phase
@@ -67,8 +67,6 @@ from particell.simulation import Simulation
 
 #: Largest relative error of the decay's rate and of the largest speed: see the description.
 LIMIT = 0.05
-#: Displacements in spacings, before packing and of the jittered lattice.
-SHAKEN, JITTER = 0.3, 0.1
 
 
 class TaylorGreen(Case):
@@ -76,6 +74,7 @@ class TaylorGreen(Case):
 
     name = "taylor-green"
     title = "Taylor–Green vortices decaying in a periodic square, with plain SPH"
+    reference: ClassVar[str] = "exact solution of the Navier-Stokes equations"
     full: ClassVar[dict[str, Any]] = {"resolution": 100, "end": 5.0}
 
     resolution: Annotated[int, Field(ge=16, le=1000)] = 50
@@ -156,14 +155,7 @@ class TaylorGreen(Case):
 
     def points(self, domain: Domain, seed: int) -> np.ndarray:
         """Where the particles are at first."""
-        dx = self.length / self.resolution
-        kind = "hexagonal" if self.arrangement == "hexagonal" else "square"
-        points = lattice(domain, dx, kind=kind)
-        if self.arrangement == "jittered":
-            return jittered(points, JITTER * dx, seed) % self.length
-        if self.arrangement == "packed":
-            return packed(jittered(points, SHAKEN * dx, seed) % self.length, domain, dx)
-        return points
+        return arranged(domain, self.length / self.resolution, self.arrangement, seed)
 
     def velocity(self, x: np.ndarray) -> np.ndarray:
         """The exact velocity at t = 0, in m/s."""

@@ -68,6 +68,7 @@ class YeastChannel(Case):
 
     name = "yeast-channel"
     title = "Reactive flow past a yeast cell, with concentrations and with molecules"
+    reference: ClassVar[str] = "finite elements (deterministic)"
     full: ClassVar[Mapping[str, Any]] = {"resolution": 100}
 
     resolution: Annotated[int, Field(ge=40, le=400)] = 64

@@ -10,7 +10,10 @@ from scipy.spatial import cKDTree
 
 from particell.errors import InputError
 from particell.geometry.domain import Domain
-from particell.geometry.shapes import Ball, Shape
+from particell.geometry.shapes import Ball, Box, Shape
+
+#: Displacements in spacings: of a jittered lattice, and before packing.
+JITTER, SHAKEN = 0.1, 0.3
 
 
 def fitting_spacing(domain: Domain, spacing: float) -> np.ndarray:
@@ -74,6 +77,48 @@ def _hexagonal(domain: Domain, spacing: float) -> np.ndarray:
 def jittered(points: np.ndarray, amplitude: float, seed: int) -> np.ndarray:
     """Points displaced by independent normal numbers of the given amplitude (m)."""
     return points + amplitude * np.random.default_rng(seed).standard_normal(points.shape)
+
+
+def arranged(
+    domain: Domain,
+    spacing: float,
+    kind: str,
+    seed: int,
+    fixed: np.ndarray | None = None,
+) -> np.ndarray:
+    """Fill a domain in one of the arrangements that cases offer.
+
+    Parameters
+    ----------
+    domain, spacing
+        As for :func:`lattice`; no particle is placed outside of the domain.
+    kind
+        ``"square"`` (a line in 1D, cubic in 3D), ``"hexagonal"``, ``"jittered"`` (a square lattice
+        whose points are displaced at random by :data:`JITTER` spacings) or ``"packed"``.
+    seed
+        Of the random displacements.
+    fixed
+        Points outside (walls), which ``"packed"`` keeps its distance from.
+
+    Returns
+    -------
+    ndarray
+        Points (n, dim) in m; jittered and packed ones all stand for the same volume.
+    """
+    points = lattice(domain, spacing, kind="hexagonal" if kind == "hexagonal" else "square")
+    if kind not in ("jittered", "packed"):
+        return points
+    amplitude = JITTER if kind == "jittered" else SHAKEN
+    moved = jittered(points, amplitude * spacing, seed)
+    wrapped = domain.lower + (moved - domain.lower) % domain.lengths
+    inside = np.clip(moved, domain.lower + 0.2 * spacing, domain.upper - 0.2 * spacing)
+    points = np.where(domain.periodic, wrapped, inside)
+    if kind == "jittered":
+        return points
+    lower = np.where(domain.periodic, -np.inf, domain.lower)
+    upper = np.where(domain.periodic, np.inf, domain.upper)
+    room = None if domain.periodic.all() else Box(list(lower), list(upper))
+    return packed(points, domain, spacing, fixed, keep_inside=room)
 
 
 def rings(ball: Ball, inner: float, outer: float, spacing: float) -> tuple[np.ndarray, np.ndarray]:

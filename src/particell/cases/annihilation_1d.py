@@ -1,0 +1,342 @@
+r"""A + B → ∅ in a slab: A comes in through one wall, B through the other.
+
+C_A(0) = C_B(L) = C₀, C_A(L) = C_B(0) = 0 and both 0 at first; both have the diffusivity κ. The
+Damköhler number :math:`Da = kC_0L^2/\kappa` decides what it looks like: at Da = 1 the species pass
+through each other, at large Da they meet in a layer of thickness :math:`Da^{-1/3} L`. Whatever Da
+is, the difference is diffusion alone and known exactly,
+
+.. math:: \frac{C_A - C_B}{C_0} = s(x, t) - s(L - x, t),
+
+with the series of images :math:`s` of :mod:`particell.cases.diffusion_1d`.
+
+**Which Da the papers' numbers belong to.** They print k = 0.1 and C₀ = 1e4 molecules a particle in
+molecules/m³, 1.6e5, 3.2e5 and 6.4e5 on their three grids. Taken at its word that is Da = 1.6e5,
+3.2e5 and 6.4e5: another problem on each grid. Their scripts have a tenth of that; and if
+concentrations are meant in units of C₀, Da is 1. ``PAPER`` is compared at the printed Da; at Da
+below, the errors of other Da stand without a paper's number.
+
+Molecules: the propensity is :math:`k N_A N_B/(V𝒩)`, without the papers' further ½. Several
+realisations are independent slabs in a row, far enough from each other for the kernel.
+
+References
+----------
+Jacob, "SDPD-SSA" (2020) (the case and the printed errors, means of 100 realisations). Reference
+profiles: ``data/annihilation_Da*.csv`` (ours), and for other Da :func:`reference_profiles`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, ClassVar
+
+import numpy as np
+from pydantic import Field
+from scipy.integrate import solve_ivp
+from scipy.sparse import diags, eye, kron
+from scipy.stats import chi2
+
+from particell import plots
+from particell.analysis.statistics import epsilon_error, relative_l2
+from particell.cases import reference
+from particell.cases.base import Case, Context, Diffusivity, Length, Metric
+from particell.cases.diffusion_1d import slab
+from particell.chemistry.reactions import Reaction
+from particell.chemistry.reservoirs import FixedValueWall
+from particell.chemistry.species import Species
+from particell.errors import InputError
+from particell.geometry.domain import Domain
+from particell.geometry.shapes import HalfSpace, Shape
+from particell.materials import AVOGADRO, Fluid
+from particell.output.run import Run
+from particell.phases import Phase
+from particell.schemes.static import Static
+from particell.simulation import Simulation
+
+#: The papers' ε of concentrations and of molecules by resolution.
+PAPER = {16: (1.9e-4, 7.3e-4), 32: (1.7e-4, 5.3e-4), 64: (2.3e-4, 6.6e-4)}
+#: The Damköhler numbers with committed profiles.
+COMMITTED = (1, 16_000, 32_000, 64_000, 160_000, 320_000, 640_000)
+#: Times that are looked at, 10 κt/L².
+TIMES = (0.2, 0.4, 0.6, 0.8, 1.0)
+#: False-alarm rate of the statistical metric.
+ALARM = 1e-6
+WATER = Fluid(density=1000.0, viscosity=1e-3)
+
+
+def reference_profiles(damkohler: float, points: int = 512) -> dict[str, np.ndarray]:
+    """Profiles of the same form as the committed ones, by finite differences.
+
+    Parameters
+    ----------
+    damkohler
+        Da.
+    points
+        Number of intervals.
+    """
+    inner = points - 1
+    laplacian = diags([1.0, -2.0, 1.0], [-1, 0, 1], shape=(inner, inner)) * points**2
+    both = kron(eye(2), laplacian).tocsr()
+    source = np.zeros(2 * inner)
+    source[0] = source[-1] = points**2
+
+    def slope(_: float, c: np.ndarray) -> np.ndarray:
+        lost = damkohler * c[:inner] * c[inner:]
+        return both @ c + source - np.concatenate([lost, lost])
+
+    def jacobian(_: float, c: np.ndarray):
+        a, b = diags(damkohler * c[:inner]), diags(damkohler * c[inner:])
+        return (both - kron([[1, 0], [1, 0]], b) - kron([[0, 1], [0, 1]], a)).tocsc()
+
+    fourier = 0.1 * np.array(TIMES)
+    start = np.zeros(2 * inner)
+    options = {"method": "BDF", "rtol": 1e-7, "atol": 1e-9, "jac": jacobian}
+    solved = solve_ivp(slope, (0, fourier[-1]), start, t_eval=fourier, **options).y
+    table = {"x": np.linspace(0, 1, points + 1)}
+    for k, t in enumerate(TIMES):
+        a, b = solved[:inner, k], solved[inner:, k]
+        table[f"A_t{t}"] = np.concatenate([[1], a, [0]])
+        table[f"B_t{t}"] = np.concatenate([[0], b, [1]])
+    return table
+
+
+class Repeated(Shape):
+    """A shape on a line, repeated with a period (m) about a centre (m)."""
+
+    def __init__(self, shape: Shape, centre: float, period: float):
+        self.shape, self.centre, self.period = shape, centre, period
+
+    def signed_distance(self, points: np.ndarray) -> np.ndarray:
+        copies = np.rint((points - self.centre) / self.period)
+        return self.shape.signed_distance(points - copies * self.period)
+
+
+class Annihilation1D(Case):
+    """Two species that meet and annihilate."""
+
+    name = "annihilation-1d"
+    title = "Two species that meet and annihilate, with concentrations and with molecules"
+    reference: ClassVar[str] = "finite differences with Richardson extrapolation; exact difference"
+    # the last three are the printed parameters taken at their word
+    full: ClassVar[Sequence[Mapping[str, Any]]] = [
+        {"resolution": n, "damkohler": da or 1e4 * n, "realisations": 100}
+        for da in (1.0, 1.6e4, None)
+        for n in (16, 32, 64)
+    ]
+
+    damkohler: Annotated[float, Field(ge=0, le=1e7)] = 1.0
+    """Da = k C₀ L²/κ."""
+    resolution: Annotated[int, Field(ge=8, le=512)] = 32
+    """Particles across the slab."""
+    length: Annotated[Length, Field(gt=0)] = 1.0
+    """Thickness L of the slab; its cross-section is 1 m²."""
+    diffusivity: Annotated[Diffusivity, Field(gt=0)] = 0.1
+    """Diffusivity κ of both species."""
+    molecules: Annotated[int, Field(ge=1, le=10**8)] = 10_000
+    """Molecules in a particle at the concentration C₀ of the walls; sets C₀."""
+    realisations: Annotated[int, Field(ge=2, le=1000)] = 20
+    """Number of realisations of the molecules."""
+    support: Annotated[float, Field(ge=1.2, le=4)] = 1.8
+    """Support of the kernel in particle spacings."""
+    normalise: bool = True
+    """Whether to divide by the kernel sum."""
+    steps: Annotated[int, Field(ge=100, le=10**6)] = 4000
+    """Number of time steps."""
+
+    @property
+    def until(self) -> float:
+        """End of the run in s: 0.1 L²/κ."""
+        return 0.1 * self.length**2 / self.diffusivity
+
+    @property
+    def every(self) -> float:
+        """Time between frames in s."""
+        return self.until / 20
+
+    @property
+    def spacing(self) -> float:
+        """Distance of the particles in m."""
+        return self.length / self.resolution
+
+    @property
+    def concentration(self) -> float:
+        """C₀ in mol/m³."""
+        return self.molecules / (AVOGADRO * self.spacing)
+
+    @property
+    def rate_constant(self) -> float:
+        """k in m³/(mol s)."""
+        return self.damkohler * self.diffusivity / (self.concentration * self.length**2)
+
+    @property
+    def layers(self) -> int:
+        """Particles of a wall."""
+        return 2 * math.ceil(self.support)
+
+    @property
+    def period(self) -> float:
+        """Distance from one slab to the next in m."""
+        return self.length + 2 * self.layers * self.spacing
+
+    def build(self, context: Context) -> Simulation:
+        """The slabs, empty, between their walls."""
+        limit = 0.17 * self.spacing**2 / self.diffusivity
+        if self.until / self.steps > limit:
+            raise InputError("steps", self.steps, f"at least {math.ceil(self.until / limit)}")
+        species, boundaries = [], []
+        for suffix in ("", "_molecules"):
+            # concentrations once; they are the same in every slab
+            where = "slab" if suffix == "" else ["slab", "more-slabs"]
+            for name in "AB":
+                kind = Species(name + suffix, self.diffusivity, suffix != "", only_in=where)
+                species.append(kind)
+        for wall, full in (("left", "A"), ("right", "B")):
+            values = {s.name: self.concentration * (s.name[0] == full) for s in species}
+            boundaries.append(FixedValueWall(wall, values))
+        domain = Domain([0.0], [self.realisations * self.period], depth=1.0)
+        return Simulation(
+            domain,
+            self.phases(),
+            Static(support=self.support),
+            species,
+            [
+                Reaction(f"A{suffix} + B{suffix} -> 0", self.rate_constant)
+                for suffix in ("", "_molecules")
+            ],
+            boundaries,
+            seed=context.seed,
+            dt=self.until / self.steps,
+            device=context.device,
+            normalise_diffusion=self.normalise,
+        )
+
+    def phases(self) -> list[Phase]:
+        """The first slab, the others, and all left and all right walls."""
+        dx, layers, first = self.spacing, self.layers, self.layers * self.spacing
+        within = first + (np.arange(self.resolution) + 0.5) * dx
+        starts = self.period * np.arange(self.realisations)[:, None]
+        inside = (starts + within)[:, :, None]
+        deep = (np.arange(layers) + 0.5) * dx
+        sides = {
+            "left": (starts + first - deep, first, 1),
+            "right": (starts + first + self.length + deep, first + self.length, -1),
+        }
+        phases = [
+            Phase("slab", WATER, inside[0], dx),
+            Phase("more-slabs", WATER, inside[1:].reshape(-1, 1), dx),
+        ]
+        for name, (x, face, sign) in sides.items():
+            surface = Repeated(HalfSpace([face], [sign]), face, self.period)
+            points = x.reshape(-1, 1)
+            phases.append(Phase(name, WATER, points, dx, kind="wall", surface=surface))
+        return phases
+
+    @property
+    def x(self) -> np.ndarray:
+        """Places x/L of the particles of a slab."""
+        return (np.arange(self.resolution) + 0.5) / self.resolution
+
+    def profiles(self, run: Run, frame: int) -> tuple[np.ndarray, np.ndarray]:
+        """C/C₀ of A and B: concentrations (2, n), and molecules (2, realisations, n)."""
+        position = run.field("position")[0][:, 0]
+        every = np.argsort(position)
+        every = every[run.group("slab", "more-slabs")[every]]
+        once = every[run.group("slab")[every]]
+        shape = (self.realisations, self.resolution)
+        first, second = [], []
+        for name in "AB":
+            first.append(run.field(f"concentration/{name}")[frame][once])
+            second.append(run.field(f"concentration/{name}_molecules")[frame][every].reshape(shape))
+        return np.array(first) / self.concentration, np.array(second) / self.concentration
+
+    def table(self) -> dict[str, np.ndarray]:
+        """Reference profiles, committed or computed."""
+        if self.damkohler in COMMITTED:
+            return reference.load(f"annihilation_Da{int(self.damkohler)}")
+        return reference_profiles(self.damkohler)
+
+    def expected(self, table: dict[str, np.ndarray], t: float) -> np.ndarray:
+        """Reference C/C₀ of A and B, (2, n), at one of :data:`TIMES`."""
+        return np.array([np.interp(self.x, table["x"], table[f"{s}_t{t}"]) for s in "AB"])
+
+    def analyse(self, run: Run, simulation: Simulation) -> dict[str, Metric]:
+        """Errors at the end and before, the exact difference, the molecules' mean."""
+        table, last = self.table(), len(run) - 1
+        values, counted = self.profiles(run, last)
+        expected, mean = self.expected(table, TIMES[-1]), counted.mean(axis=1)
+        # the papers' C₀ is 1e4 molecules per volume of a particle, and k = κ = 0.1
+        printed = math.isclose(self.damkohler, 1e4 * self.resolution)
+        paper = PAPER.get(self.resolution, (None, None)) if printed else (None, None)
+        limits = PAPER.get(self.resolution, (None, None))
+        found = {
+            "eps": Metric(epsilon_error(values[0], expected[0], 1.0), paper[0], limits[0]),
+            "eps_molecules": Metric(epsilon_error(mean[0], expected[0], 1.0), paper[1], limits[1]),
+            "l2_end": Metric(relative_l2(values, expected), limit=1e-2),
+        }
+        errors = []
+        for t in TIMES[:-1]:
+            frame = run.at(t * self.until)
+            errors.append(relative_l2(self.profiles(run, frame)[0], self.expected(table, t)))
+        found["l2_before"] = Metric(max(errors))
+        exact = slab(self.x, 0.1) - slab(1 - self.x, 0.1)
+        found["difference_l2"] = Metric(relative_l2(values[0] - values[1], exact), limit=5e-3)
+        # Without reaction A - B is a difference of independent Poisson numbers. A pair that
+        # annihilates leaves its mean as it is and takes away variance: the chi-square is less.
+        poisson = (slab(self.x, 0.1) + slab(1 - self.x, 0.1)) / (self.molecules * self.realisations)
+        scores = (mean[0] - mean[1] - (values[0] - values[1])) ** 2 / poisson
+        found["difference_molecules_chi2"] = Metric(
+            float(scores.mean()), limit=float(chi2.isf(ALARM, scores.size) / scores.size)
+        )
+        scatter = counted[0].std(axis=0, ddof=1) * math.sqrt(self.molecules)
+        there = values[0] > 1e-3
+        found["scatter_of_A"] = Metric(float(np.mean(scatter[there] / np.sqrt(values[0, there]))))
+        bias = (mean[0] - values[0]).sum() / values[0].sum()
+        found["molecules_bias"] = Metric(float(bias), limit=1e-2)
+        drift = simulation.conservation()
+        found["drift"] = Metric(max(abs(v) for k, v in drift.items() if "amount" in k), limit=1e-10)
+        return found
+
+    def figures(self, run: Run, directory: Path) -> list[Path]:
+        """Profiles of both species, and the difference against the exact series."""
+        made = {"profiles": self._profiles_figure(run), "difference": self._difference_figure(run)}
+        return [plots.save(figure, directory / f"{name}.png") for name, figure in made.items()]
+
+    @plots.styled
+    def _profiles_figure(self, run: Run):
+        figure, axes = plots.new_figure(5.2, 3.4)
+        table = self.table()
+        for k, t in enumerate((0.2, 0.4, 1.0)):
+            values, counted = self.profiles(run, run.at(t * self.until))
+            for s in range(2):
+                first = k == s == 0
+                axes.plot(
+                    table["x"], table[f"{'AB'[s]}_t{t}"], "k-", lw=0.8, zorder=1,
+                    label="reference" if first else None,
+                )  # fmt: skip
+                colour = plots.COLOURS[k]
+                label = f"{t * self.until:.3g} s" if s == 0 else None
+                axes.plot(self.x, values[s], "o", color=colour, mfc="none", mew=0.8, label=label)
+                axes.plot(self.x, counted[s].mean(axis=0), "x", color=colour, ms=3.5, mew=0.8)
+        axes.plot([], [], "o", color="0.4", mfc="none", label="concentrations")
+        axes.plot([], [], "x", color="0.4", label=f"molecules, mean of {self.realisations}")
+        axes.set(xlabel="x / L", ylabel="C / C₀", xlim=(0, 1), title=f"Da = {self.damkohler:g}")
+        axes.legend(loc="upper center")
+        return figure
+
+    @plots.styled
+    def _difference_figure(self, run: Run):
+        figure, axes = plots.new_figure()
+        fine = np.linspace(0, 1, 401)
+        for k, t in enumerate((0.2, 0.4, 1.0)):
+            values, counted = self.profiles(run, run.at(t * self.until))
+            exact = slab(fine, 0.1 * t) - slab(1 - fine, 0.1 * t)
+            axes.plot(fine, exact, "k-", lw=0.8, label=None if k else "exact")
+            colour = plots.COLOURS[k]
+            axes.plot(self.x, values[0] - values[1], "o", color=colour, mfc="none", mew=0.8)
+            mean = counted.mean(axis=1)
+            label = f"{t * self.until:.3g} s"
+            axes.plot(self.x, mean[0] - mean[1], "x", color=colour, ms=3.5, label=label)
+        axes.set(xlabel="x / L", ylabel="(C of A − C of B) / C₀", xlim=(0, 1))
+        axes.legend()
+        return figure

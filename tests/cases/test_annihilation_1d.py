@@ -1,0 +1,55 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from particell.cases import reference
+from particell.cases.annihilation_1d import Annihilation1D, reference_profiles
+from particell.cases.base import Context
+from particell.cases.diffusion_1d import slab
+from particell.errors import InputError
+
+
+def test_computed_profiles_agree_with_the_committed_ones():
+    table, computed = reference.load("annihilation_Da1"), reference_profiles(1.0, 128)
+    for name, values in computed.items():
+        assert values == pytest.approx(table[name], abs=2e-4)
+
+
+@pytest.mark.parametrize("damkohler", [1, 16_000, 640_000])
+def test_committed_difference_is_the_exact_one(damkohler):
+    table = reference.load(f"annihilation_Da{damkohler}")
+    for t in (0.2, 1.0):
+        exact = slab(table["x"], 0.1 * t) - slab(1 - table["x"], 0.1 * t)
+        assert table[f"A_t{t}"] - table[f"B_t{t}"] == pytest.approx(exact, abs=5e-8)
+
+
+def test_too_long_steps_are_refused():
+    with pytest.raises(InputError, match="steps = 100"):
+        Annihilation1D(resolution=64, steps=100).build(Context())
+
+
+@pytest.fixture(scope="module", params=[1.0, 1.6e4])
+def coarse(request):
+    case = Annihilation1D(resolution=16, damkohler=request.param, realisations=8, steps=1000)
+    simulation = case.build(Context(seed=1))
+    return case, simulation, simulation.run(case.until, case.every, progress=False)
+
+
+def test_coarse_slabs_agree_with_the_reference(coarse, tmp_path):
+    case, simulation, run = coarse
+    metrics = case.analyse(run, simulation)
+    # the layer of Da = 1.6e4, 0.04 L, is narrower than a particle: l2_end shows it
+    allowed = {"l2_end", "eps", "molecules_bias"} if case.damkohler > 1 else set()
+    assert {name for name, metric in metrics.items() if not metric.passed} <= allowed
+    assert metrics["difference_l2"].value < 1e-3
+    assert all(path.stat().st_size > 0 for path in case.figures(run, tmp_path))
+
+
+def test_slabs_do_not_know_of_each_other(coarse):
+    case, _, run = coarse
+    _, counted = case.profiles(run, -1)
+    numbers = np.rint(counted[0] * case.molecules)
+    assert len(np.unique(numbers, axis=0)) == case.realisations
+    # nothing of a wall's stream goes into the slab behind it
+    assert counted[0, :, -1].max() < 0.1

@@ -21,7 +21,8 @@ from particell.compute.loop import set_threads
 from particell.geometry.domain import Domain
 from particell.materials import BOLTZMANN, Fluid
 from particell.phases import fluid
-from particell.schemes.sdpd import SDPD, SDPDSolver
+from particell.schemes.sdpd import SDPD
+from particell.schemes.sdpd_solver import SDPDSolver
 from particell.schemes.static import Static
 from particell.simulation import Simulation
 

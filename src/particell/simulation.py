@@ -29,7 +29,8 @@ from particell.laws.buoyancy import Buoyancy
 from particell.motion import Constraints, Forces, Monitor
 from particell.phases import Phase
 from particell.restart import restore, state_of
-from particell.schemes.sdpd import SDPD, SDPDSolver
+from particell.schemes.sdpd import SDPD
+from particell.schemes.sdpd_solver import SDPDSolver
 from particell.schemes.static import Static
 from particell.schemes.timestep import step_limits
 from particell.setup import build_materials, build_neighbours, build_particles, lattice_sum

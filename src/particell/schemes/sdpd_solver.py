@@ -1,0 +1,279 @@
+"""The compiled form of the SDPD scheme: its loops, and in which order they run in a step."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from particell.compute.batches import batch_size
+from particell.compute.device import Device
+from particell.compute.neighbours import NeighbourList
+from particell.compute.philox import PAIR_NOISE, stream_key
+from particell.errors import InputError
+from particell.geometry.domain import Domain
+from particell.kernels import kernel_code, normalisation
+from particell.laws.viscosity import friction_coefficients
+from particell.materials import BOLTZMANN, Fluid
+from particell.particles import Particles
+from particell.schemes import updates
+from particell.schemes.rates import MATTER, RECORD, batch_fields, pack, rates
+from particell.schemes.sweeps import summed_density, wall_pressure
+
+if TYPE_CHECKING:
+    from particell.schemes.sdpd import SDPD
+
+
+class SDPDSolver:
+    """Steps a set of particles by the SDPD scheme.
+
+    Parameters
+    ----------
+    scheme
+        The description.
+    device, domain, particles, neighbours
+        Where loops run; the box; the particles; their neighbour list.
+    materials
+        Materials (with sound speeds), indexed by the groups' ``material``.
+    seed
+        Of the noise.
+    depth_factor
+        Extent in m^(3−D) of the missing dimensions; k_B T is divided by it, since masses of 1D
+        and 2D particles are per that extent.
+    """
+
+    FIELDS = ("pressure_term", "density_rate")
+
+    def __init__(
+        self,
+        scheme: SDPD,
+        device: Device,
+        domain: Domain,
+        particles: Particles,
+        neighbours: NeighbourList,
+        materials: list[Fluid],
+        seed: int,
+        depth_factor: float,
+    ):
+        self.scheme, self.device, self.domain = scheme, device, domain
+        self.particles, self.neighbours = particles, neighbours
+        self.n, self.dim = len(particles), domain.dim
+        dim = self.dim
+        by_group = [materials[g.material] for g in particles.groups]
+        friction = [friction_coefficients(m.viscosity, m.bulk_viscosity, dim) for m in by_group]
+        support = particles.host("support")
+        h = float(support.max())
+        gravity = np.zeros(dim) if scheme.gravity is None else np.array(scheme.gravity, dtype=float)
+        if gravity.shape != (dim,):
+            raise InputError("gravity", scheme.gravity, f"{dim} numbers")
+        self.thermal = np.zeros(len(by_group))
+        if scheme.fluctuations:
+            for k, material in enumerate(by_group):
+                if material.temperature is None:
+                    raise InputError("temperature", None, "given for every material, with noise")
+                self.thermal[k] = BOLTZMANN * material.temperature / depth_factor
+        for name in self.FIELDS:
+            particles.add(name)
+        for name, components in (("wall_normal", dim), ("wall_depth", 0), ("wall_curvature", 0)):
+            if name not in particles:
+                particles.add(name, components)
+        self.trapezoidal = scheme.integrator == "trapezoidal"
+        self.summation = scheme.density == "summation"
+        self.leapfrog = not (self.trapezoidal or self.summation)
+        if self.leapfrog:
+            particles.add("density_half")
+        if self.trapezoidal:
+            for name, components in (
+                ("x0", dim),
+                ("v0", dim),
+                ("a0", dim),
+                ("density0", 0),
+                ("density_rate0", 0),
+            ):
+                particles.add(name, components)
+        self.shifting = scheme.shifting > 0
+        particles.add("shift", dim if self.shifting else 1)
+        if self.shifting:
+            particles.add("transport", dim)
+        code = kernel_code(scheme.kernel)
+        array = device.array
+        key = stream_key(seed, PAIR_NOISE)
+        sound_speeds = np.array([m.sound_speed for m in by_group], dtype=float)
+        self.constants = {
+            "alpha": normalisation(code, dim),
+            "transverse": array(np.array([f[0] for f in friction])),
+            "radial": array(np.array([f[1] for f in friction])),
+            "diffusion": array(2 * scheme.delta * h * sound_speeds),
+            "thermal": array(self.thermal),
+            "gravity": array(gravity),
+            "key0": key[0],
+            "key1": key[1],
+            "reference": array(np.array([m.density for m in by_group])),
+            "sound_speed": array(sound_speeds),
+            "exponent": array(np.array([m.exponent for m in by_group])),
+            "background": array(np.array([m.background_pressure for m in by_group])),
+        }
+        kinds = zip(friction, self.thermal.tolist(), particles.groups, strict=True)
+        pairings = {(f, thermal) for f, thermal, g in kinds if g.kind == "fluid"}
+        self.options: dict[str, Any] = {
+            "DIM": dim,
+            "KERNEL": code,
+            "UNIFORM": bool(neighbours.constants["UNIFORM"]),
+            "MIXED": len(pairings) > 1,
+            "RADIAL": any(f[1] != 0 for f in friction),
+            "DELTA": scheme.delta > 0,
+            "NOISE": scheme.fluctuations,
+            "GAUSSIAN": scheme.noise == "gaussian",
+            "WALLS": bool(neighbours.constants["WALLS"]),
+            "SHIFT": self.shifting,
+            "BATCH": batch_size(device),
+            "RECORD": RECORD[dim],
+            "MATTER": MATTER[dim],
+        }
+        o = self.options
+        self.constants |= batch_fields(
+            device, self.n, dim, o["UNIFORM"], o["WALLS"], o["MIXED"], o["NOISE"]
+        )
+        self.shift_pressure = scheme.shifting * max(
+            m.density * (m.sound_speed or 0.0) ** 2 for m in by_group
+        )
+        self._bound: object = None
+
+    def _bind(self) -> None:
+        """Look up arrays again where those of the neighbour list are new (grown, restored)."""
+        listed = self.neighbours.fields["neighbours"]
+        if self._bound is listed:
+            return
+        self._bound = listed
+        fields = {**self.constants, **self.neighbours.fields, **self.particles.fields}
+        fields.setdefault("transport", fields["v"])
+        without_pressure = {k: v for k, v in fields.items() if k != "pressure"}
+        bind = self.device.bind
+        dim, o = {"DIM": self.dim}, self.options
+        record = {k: o[k] for k in ("DIM", "RECORD", "MATTER")}
+        small = {k: o[k] for k in ("DIM", "KERNEL", "UNIFORM")}
+        continuity = not self.summation
+        if self.leapfrog:
+            # mass moves with the particles: with v alone the volumes drift away from what there is
+            half = {**fields, "density": fields["density_half"], "v": fields["transport"]}
+            quiet = {**o, "NOISE": False, "SHIFT": False, "MIXED": False, "RADIAL": False}
+            self._density_rates = bind(rates, half, **quiet, DENSITY=True, FORCE=False)
+            self._pack_half = bind(pack, half, **record)
+            self.predict_density = bind(updates.predict_density, fields)
+        self._pack = bind(pack, fields, **record)
+        self._forces = bind(rates, fields, **o, DENSITY=False, FORCE=True)
+        self._all_rates = bind(rates, fields, **o, DENSITY=continuity, FORCE=True)
+        self.sum_density = bind(summed_density, fields, **small)
+        self.wall_pressure = bind(wall_pressure, fields, DIM=self.dim, KERNEL=o["KERNEL"])
+        self.kick = bind(updates.kick, fields, **dim)
+        self.drift = bind(updates.drift, fields, **dim)
+        self.equation_of_state = bind(updates.equation_of_state, fields)
+        if self.shifting:
+            self.transport_velocity = bind(updates.transport_velocity, without_pressure, **dim)
+        if self.trapezoidal:
+            self.remember = bind(updates.remember, fields, **dim)
+            self.predict = bind(updates.predict, fields, **dim)
+            self.correct = bind(updates.correct, fields, **dim)
+
+    def build_list(self) -> None:
+        """Build the neighbour list at the present positions."""
+        self.neighbours.build(self.particles)
+        self._bind()
+
+    def initialise(self, step: int, dt: float) -> None:
+        """Density (if summed), pressure and acceleration of the initial state."""
+        self.build_list()
+        self._thermodynamics(0.0)
+        self.accelerate(step, dt)
+
+    def restore(self) -> None:
+        """Go on from fields and a neighbour list that were put back."""
+        self._bind()
+
+    def step(self, step: int, dt: float) -> None:
+        """Advance by dt; ``step`` numbers the step (the noise depends on it)."""
+        if self.trapezoidal:
+            self._trapezoidal(step, dt)
+        else:
+            self._velocity_verlet(step, dt)
+
+    def _velocity_verlet(self, step: int, dt: float) -> None:
+        """Kick, drift, kick; one force sweep a step, from the half-step velocity, not iterated.
+
+        The continuity equation is integrated by the midpoint rule, with positions and velocities
+        at n + 1/2: that is the leapfrog of density and velocity, which neither damps nor feeds
+        sound. (Rates taken with the forces, at n + 1, are late by half a step.) The densities and
+        volumes in it are extrapolated to n + 1/2 too, else it would be of first order.
+        """
+        n = self.n
+        self.kick(n, 0.5 * dt)
+        if self.shifting:
+            self.transport_velocity(n, self.shift_pressure, dt)
+        self._renew_list(dt)
+        if self.summation:
+            self.drift(n, dt)
+            self.after_drift()
+            self._thermodynamics(0.0)
+        else:
+            self.drift(n, 0.5 * dt)
+            self.predict_density(n, 0.5 * dt)
+            self.density_rates(step)
+            self.drift(n, 0.5 * dt)
+            self.after_drift()
+            self._thermodynamics(dt)
+        self.accelerate(step + 1, dt)
+        self.kick(n, 0.5 * dt)
+
+    def _trapezoidal(self, step: int, dt: float) -> None:
+        """The papers' explicit two-stage rule; the same noise in both stages."""
+        n = self.n
+        self._renew_list(dt)
+        self.rates(step, dt)
+        self.remember(n)
+        self.predict(n, dt)
+        self._thermodynamics(0.0)
+        self.rates(step, dt)
+        self.correct(n, dt)
+        self.after_drift()
+        self._thermodynamics(0.0)
+
+    def after_drift(self) -> None:
+        """Called when positions have reached the end of the step (reflecting surfaces)."""
+
+    def after_forces(self) -> None:
+        """Called when accelerations are known (forces that depend on species)."""
+
+    def after_wall_pressure(self) -> None:
+        """Called when walls have the fluid's pressure (heads of forces that depend on species)."""
+
+    def _renew_list(self, dt: float) -> None:
+        p = self.particles
+        if self.neighbours.needs_build(p["x"], p["transport" if self.shifting else "v"], dt):
+            self.build_list()
+
+    def _thermodynamics(self, dt: float) -> None:
+        """Density after dt (or summed), pressure and volume; then the pressure of walls."""
+        if self.summation:
+            self.sum_density(self.n)
+            dt = 0.0
+        self.equation_of_state(self.n, dt)
+        if self.options["WALLS"]:
+            self.wall_pressure(self.n)
+            self.after_wall_pressure()
+
+    def density_rates(self, step: int) -> None:
+        """Density rate at the half step (velocity-Verlet)."""
+        self._pack_half(self.n)
+        self._density_rates(self.n, step, 0.0)
+
+    def accelerate(self, step: int, dt: float) -> None:
+        """Acceleration; ``dt`` scales the noise."""
+        self._pack(self.n)
+        self._forces(self.n, step, 1.0 / dt)
+        self.after_forces()
+
+    def rates(self, step: int, dt: float) -> None:
+        """Density rate (unless it is summed) and acceleration in one sweep."""
+        self._pack(self.n)
+        self._all_rates(self.n, step, 1.0 / dt)
+        self.after_forces()

@@ -18,7 +18,7 @@ import numpy as np
 from numba import njit
 
 from particell.compute.device import Device
-from particell.compute.loop import Loop, compiled, particle_loop
+from particell.compute.loop import compiled, particle_loop
 from particell.compute.rounding import nearest_integer
 from particell.geometry.domain import Domain
 from particell.particles import Particles
@@ -329,6 +329,11 @@ class NeighbourList:
         self.order = np.zeros(n, np.int64)
         self.capacity = 0
         self.builds = 0
+        bind, f, only = device.bind, self.fields, {"DIM": dim}
+        self._wrap = bind(wrap_positions, f, **only)
+        self._assign = bind(assign_cells, f, **only)
+        self._boxes = bind(displacement_boxes, f, **only)
+        self._relate = bind(relative_displacements, f, **only)
 
     def __getattr__(self, name: str):
         try:
@@ -338,28 +343,25 @@ class NeighbourList:
 
     def build(self, particles: Particles) -> None:
         """Wrap positions into the domain, sort all fields into cell order and fill the rows."""
-        dim, n = self.constants["DIM"], self.n
-        f = {**self.fields, **particles.fields}
-        self._loop(wrap_positions, f, n, DIM=dim)
-        self._loop(assign_cells, f, n, DIM=dim)
+        n, x = self.n, particles["x"]
+        self._wrap(n, x, particles["image"])
+        self._assign(n, x)
         cell_start = np.zeros(self.number_of_cells + 1, np.int64)
         counting_sort(self.device.to_host(self.cell), cell_start, self.order)
         self.device.write(self.cell_start, cell_start)
         particles.permute(self.order)
-        self._loop(assign_cells, f, n, DIM=dim)
+        self._assign(n, x)
         if self.capacity == 0:
             self._reserve(32)
         while not self._fill(particles):
             pass
-        self.device.copy(particles["x"], self.x_built)
+        self.device.copy(x, self.x_built)
         self.builds += 1
 
     def needs_build(self, x, v, dt: float) -> bool:
         """Whether a pair outside the list may be within its support after a move by ``dt v``."""
-        f = {**self.fields, "x": x, "v": v, "dt": dt}
-        cells, dim = self.number_of_cells, self.constants["DIM"]
-        self._loop(displacement_boxes, f, cells, DIM=dim)
-        largest = math.sqrt(float(self.device.to_host(self.largest).max()))
+        self._boxes(self.number_of_cells, x, v, dt)
+        largest = math.sqrt(float(self.device.to_host(self.fields["largest"]).max()))
         if not largest < math.inf:
             return True
         allowed = SAFETY * self.skin
@@ -367,8 +369,8 @@ class NeighbourList:
             return False
         if largest > self.cell_width - 0.5 * self.support:
             return True
-        self._loop(relative_displacements, f, cells, DIM=dim)
-        return float(self.device.to_host(self.relative).max()) > allowed**2
+        self._relate(self.number_of_cells)
+        return float(self.device.to_host(self.fields["relative"]).max()) > allowed**2
 
     def restore(self, capacity: int, builds: int, fields: dict[str, np.ndarray]) -> None:
         """Take over the state of another list of the same particles, bit for bit."""
@@ -377,17 +379,14 @@ class NeighbourList:
             self.device.write(self.fields[name], values)
         self.builds = builds
 
-    def _loop(self, loop: Loop, fields: dict, n: int, **constants) -> None:
-        run = loop.specialise(self.device.backend, **constants)
-        run(n, *(fields[name] for name in loop.arguments))
-
     def _reserve(self, capacity: int) -> None:
         self.capacity = capacity
         self.fields["neighbours"] = self.device.zeros(self.n * capacity + 1, np.uint32)
+        numbers = {"skin": self.skin, "capacity": capacity}
+        self._find = self.device.bind(find_neighbours, {**self.fields, **numbers}, **self.constants)
 
     def _fill(self, particles: Particles) -> bool:
-        f = {**self.fields, **particles.fields, "skin": self.skin, "capacity": self.capacity}
-        self._loop(find_neighbours, f, self.n, **self.constants)
+        self._find(self.n, particles["x"], particles["support"], particles["is_wall"])
         needed = int(self.device.to_host(self.found).max(initial=0)) + 1
         if needed <= self.capacity:
             return True

@@ -186,6 +186,11 @@ class Forces:
         }
 
 
+#: A run is refused where its automatic time step is larger by this factor than the flow allows.
+#: It is then twice the Courant limit: what was slow to the sound speed is as fast as that.
+TOO_LATE = 2.0
+
+
 class Monitor:
     """Finds non-finite fields and lost particles; measures energy and momentum."""
 
@@ -211,6 +216,19 @@ class Monitor:
                 what = "not finite" if values.dtype.kind == "f" else "negative"
                 self._fail(f"a value is {what}", name, row)
         self._check_places()
+        self._check_speeds()
+
+    def _check_speeds(self) -> None:
+        s = self.simulation
+        fastest = self.largest_speed()
+        if s.late(TOO_LATE, fastest):
+            square = (s.particles.host("v").astype(float) ** 2).sum(axis=1)
+            self._fail(
+                f"the flow ({fastest:.3g} m/s) has become too fast for dt = {s.dt:.3g} s within a "
+                "frame; give the speed that it reaches as reference_speed, or take shorter frames",
+                "v",
+                int(np.argmax(square)),
+            )
 
     def _check_places(self) -> None:
         simulation = self.simulation

@@ -190,6 +190,7 @@ def run_with_observers(
         per_frame = simulation.plan(every)
         intervals = max(1, round((until - simulation.time) / every))
         plan = {
+            "every": every,
             "per_frame": per_frame,
             "last": simulation.step + intervals * per_frame,
             "next": simulation.step + per_frame,
@@ -203,6 +204,15 @@ def run_with_observers(
         recorder.checkpoint(plan)
     _loop(simulation, recorder, plan, progress, checkpoint_every, stop)
     return recorder.finish()
+
+
+def _plan_again(simulation: Simulation, plan: dict) -> None:
+    """Smaller steps from this frame on; the frames keep their times."""
+    frames = (plan["last"] - simulation.step) // plan["per_frame"]
+    if frames:
+        plan["per_frame"] = simulation.plan(plan["every"])
+        plan["next"] = simulation.step + plan["per_frame"]
+        plan["last"] = simulation.step + frames * plan["per_frame"]
 
 
 def _loop(
@@ -235,6 +245,9 @@ def _loop(
                     if stop is not None and stop(simulation.time, observables):
                         plan["last"] = simulation.step  # so that a resumed run stays stopped
                         break
+                    if simulation.outran():
+                        _plan_again(simulation, plan)
+                        bar.total = plan["last"]
                 if asked[0]:
                     recorder.checkpoint(plan)
                     recorder.close()

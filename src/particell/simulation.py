@@ -43,6 +43,8 @@ if TYPE_CHECKING:
 Boundary = Reflection | Sponge | Reservoir | FixedValueWall | FluxWall
 #: A chemistry step moves particles by at most this part of the support.
 CHEMISTRY_MOTION = 0.1
+#: An automatic time step is chosen anew where it is larger by this factor than the flow allows.
+LATE = 1.05
 
 
 class Simulation:
@@ -66,7 +68,9 @@ class Simulation:
     seed
         Of all random numbers: the same seed gives the same bits for any number of threads.
     dt
-        Time step in s, or ``"auto"`` for the largest that the rules allow.
+        Time step in s, or ``"auto"`` for the largest that the rules allow. :meth:`run` makes an
+        automatic one smaller, after a frame, where the flow has become faster than it was chosen
+        for.
     device
         Where to compute; CPU and float64 by default.
     normalise_diffusion
@@ -159,8 +163,12 @@ class Simulation:
 
     # --- time step ---------------------------------------------------------------------------
 
-    def largest_step(self) -> float:
-        """The largest time step in s that the rules allow for the flow at its present speed."""
+    def largest_step(self, speed: float | None = None) -> float:
+        """The largest time step in s that the rules allow for a speed in m/s.
+
+        By default that is the largest initial or expected one, or what the flow has reached since.
+        """
+        speed = self._speed if speed is None else speed
         if self.static:
             limits = self.chemistry.limits() if self.chemistry else {}
             return min(limits.values(), default=1.0)
@@ -171,7 +179,7 @@ class Simulation:
             step_limits(
                 h,
                 m.sound_speed or 1.0,
-                self._speed,
+                speed,
                 max(m.viscosity, m.bulk_viscosity) / m.density,
                 gravity,
                 self.scheme.viscous_factor,
@@ -203,6 +211,27 @@ class Simulation:
         self.dt = every / (blocks * block)
         return blocks * block
 
+    def outran(self) -> bool:
+        """Whether the flow has become too fast for its automatic time step; if so, note its speed.
+
+        The next :meth:`plan` is for that speed. Less than :data:`LATE` (the outliers of thermal
+        noise) is no reason to choose the step anew.
+        """
+        fastest = self.monitor.largest_speed()
+        if not self.late(LATE, fastest):
+            return False
+        self._speed = fastest
+        return True
+
+    def late(self, factor: float, speed: float) -> bool:
+        """Whether an automatic dt is larger than ``factor`` times what the rules allow at a speed.
+
+        Only where it was chosen for a smaller speed.
+        """
+        if self.static or not self.automatic or speed <= self._speed:
+            return False
+        return self.dt > factor * self.largest_step(speed)
+
     # --- stepping ----------------------------------------------------------------------------
 
     def start(self) -> None:
@@ -225,7 +254,8 @@ class Simulation:
         Raises
         ------
         RunError
-            Where a field is not finite or a particle has left the domain (checked at the end).
+            Where a field is not finite, a particle has left the domain, or the flow is too fast
+            for an automatic time step (checked at the end).
         """
         self.start()
         begin, compiling = clock.perf_counter(), CompileLog.seconds

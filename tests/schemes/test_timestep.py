@@ -5,9 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from particell.errors import InputError
+from particell.errors import InputError, RunError
+from particell.output.checkpoint import read_checkpoint
 from particell.schemes.timestep import sound_speed_by_rule, step_limits
-from systems import UNIT_TEMPERATURE, periodic_lattice, unit_fluid
+from systems import UNIT_TEMPERATURE, periodic_lattice, same_bits, unit_fluid
 
 
 def test_limits():
@@ -70,3 +71,54 @@ def test_steps_divide_intervals():
     for wrong in (0.0, -1.0, math.inf, math.nan):
         with pytest.raises(InputError, match="every"):
             simulation.plan(wrong)
+
+
+def fall():
+    """Free fall in a periodic box, from rest: at t = 12 s faster than sound (10 m/s)."""
+    return periodic_lattice(8, 2, jitter=0.1, gravity=(0.0, -1.0))
+
+
+def test_the_step_follows_a_flow_that_becomes_faster(tmp_path):
+    whole = fall()
+    first = whole.dt
+    run = whole.run(until=12, every=1.0, out=tmp_path / "whole", progress=False)
+    np.testing.assert_allclose(run.times, np.arange(13.0), rtol=1e-12)
+    speed = run.observable("largest_speed")
+    assert speed[-1] == pytest.approx(12, rel=0.01)
+    assert whole.dt < 0.6 * first
+    assert whole.dt <= 1.05 * whole.largest_step(speed[-2])  # that of the last choice
+    # 5 % of the step are 0.5 m/s at first: several frames make no choice
+    steps = np.diff(run.steps)
+    assert (np.diff(steps) >= 0).all()
+    assert 3 < len(set(steps)) < 12
+
+
+def test_a_resumed_run_has_the_same_steps(tmp_path):
+    def broken(time, observables):
+        if time > 6.5:
+            raise RunError("stop", step=0, time=time, field="v", particle=0)
+        return False
+
+    whole = fall()
+    whole.run(until=12, every=1.0, progress=False)
+    options = {"until": 12, "every": 1.0, "out": tmp_path, "progress": False}
+    with pytest.raises(RunError, match="stop"):
+        fall().run(**options, checkpoint_every=0.0, stop=broken)
+    resumed = fall()
+    state, _ = read_checkpoint(tmp_path / "checkpoint.h5")
+    resumed.restore(state)
+    assert 5 < resumed.time < 7
+    assert resumed.dt < 0.9 * fall().dt
+    run = resumed.run(**options)
+    assert same_bits(whole, resumed) == []
+    assert (resumed.step, resumed.time, resumed.dt) == (whole.step, whole.time, whole.dt)
+    np.testing.assert_allclose(run.times, np.arange(13.0), rtol=1e-12)
+
+
+def test_a_flow_too_fast_for_its_step_is_an_error():
+    simulation = periodic_lattice(8, 2, gravity=(0.0, -10.0))
+    with pytest.raises(RunError, match="reference_speed") as error:
+        simulation.run(until=20.0, every=20.0, progress=False)
+    assert (error.value.field, error.value.step) == ("v", 50)
+    given = periodic_lattice(8, 2, gravity=(0.0, -10.0), dt=simulation.dt)
+    given.advance(50)  # a time step of one's own is one's own

@@ -26,7 +26,7 @@ from particell.chemistry.switching import switch_kind
 from particell.chemistry.walks import Walks
 from particell.compute.device import Device
 from particell.compute.neighbours import NeighbourList
-from particell.compute.philox import JUMP, REACTION, ROUNDING, SPONGE, stream_key
+from particell.compute.philox import JUMP, REACTION, RESERVOIR, ROUNDING, SPONGE, stream_key
 from particell.errors import InputError, RunError
 from particell.kernels import kernel_code, normalisation
 from particell.laws import diffusion
@@ -115,7 +115,8 @@ class Chemistry(Contents):
             for status in (WALL_VALUE, WALL_FLUX, HELD)
         )
         self._open_ended = surface or flux or self._reservoirs
-        self._keys = {p: tuple(stream_key(seed, p)) for p in (REACTION, JUMP, ROUNDING, SPONGE)}
+        purposes = (REACTION, JUMP, ROUNDING, SPONGE, RESERVOIR)
+        self._keys = {p: tuple(stream_key(seed, p)) for p in purposes}
         self._switching = [int(s) for s in self.stochastic.switching]
         self._switch = {"SWITCH": bool(self._switching)}
         self._pair = {**self._shape, "SURFACE": surface, "FLUX": flux, **self._switch}
@@ -178,15 +179,15 @@ class Chemistry(Contents):
         for numbers in self._thresholds:
             self._switch_kind(n, *numbers, step_index)
         self._prepare(n)
-        self._hold()
+        self._hold(step_index)
         strang = self.splitting == "strang"
         if strang:
             self._react(step_index, 0.5 * tau, 1)
-            self._hold()
+            self._hold(step_index)
             self._prepare(n)
         self._diffuse(step_index, tau, strang)
         self._react(step_index, 0.5 * tau if strang else tau, 0)
-        self._hold()
+        self._hold(step_index)
 
     def relax(self, name: str, fraction: Any, target: Any, step_index: int) -> None:
         """Sponge: C <- C - (C - target) fraction, booked.
@@ -240,13 +241,13 @@ class Chemistry(Contents):
         self._exchange(n, tau)
         self._average(n)
 
-    def _hold(self) -> None:
+    def _hold(self, step: int) -> None:
         if self._reservoirs:
             n = self.particles.n
             if self.deterministic.names:
                 self._hold_amounts(n)
             if self.stochastic.names:
-                self._hold_counts(n)
+                self._hold_counts(n, step)
 
     def _react(self, step: int, tau: float, part: int) -> None:
         """All reactions; ``part`` tells apart the random numbers of the parts of a step."""
@@ -301,7 +302,7 @@ class Chemistry(Contents):
         self._remember = bind(remember, amounts, COLUMNS=columns)
         self._average = bind(average, amounts, COLUMNS=columns)
         self._hold_amounts = bind(reservoirs.hold_amounts, amounts)
-        self._hold_counts = bind(reservoirs.hold_counts, counts)
+        self._hold_counts = bind(reservoirs.hold_counts, self._with_key(counts, RESERVOIR))
         self._relax_amounts = bind(reservoirs.relax_amounts, amounts, **self._switch)
         sponge = self._with_key(counts, SPONGE)
         self._relax_counts = bind(reservoirs.relax_counts, sponge, **self._switch)

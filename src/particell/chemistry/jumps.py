@@ -45,6 +45,7 @@ from particell.chemistry.binomial import (
 from particell.compute.loop import particle_loop
 from particell.compute.philox import philox, uniform32
 from particell.compute.scatter import scatter_add
+from particell.materials import AVOGADRO
 
 #: Cost of one binomial draw in units of one walked molecule: decides between the two ways.
 BINOMIAL_COST = 1.2
@@ -214,7 +215,9 @@ def enter(
     cumulative,
     leave_rate,
     inflow,
-    count,
+    volume,
+    depth,
+    held,
     count_booked,
     moving,
     landed,
@@ -222,7 +225,8 @@ def enter(
 ):
     """Molecules that come in at particle i during tau: a Poisson stream, uniform in time.
 
-    A reservoir sends them to its neighbours; next to a wall with a value they start in i itself.
+    A reservoir of the concentration ``held`` (G, S) sends them to its neighbours, as its expected
+    number of molecules would; next to a wall with a value they start in i itself.
     """
     inward = inflow[i]
     if inward == 0.0:
@@ -234,7 +238,7 @@ def enter(
     reservoir = status[group[i]] == 1
     mean = inward * tau
     if reservoir:
-        mean *= count[i, s]
+        mean *= held[group[i], s] * volume[i] * depth * AVOGADRO
     number, block = poisson(mean, c0, c1, c2, 0, key0, key1)
     count_booked[i, s] += number
     if number < binomial_cost * (stop[i] - start[i]):

@@ -7,7 +7,6 @@ total minus the sum of what was booked is constant.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -34,8 +33,15 @@ class Reservoir:
     group
         The particles.
     values
-        Concentrations in mol/m³ by species; species that are not named are free. Molecules are
-        kept at the whole number nearest to C V 𝒩.
+        Concentrations in mol/m³ by species; species that are not named are free.
+
+    Notes
+    -----
+    Molecules are kept at a whole number of mean λ = C V 𝒩: λ rounded up or down at random without
+    bias, anew for each particle and step. (A number of each particle's own for the whole run would
+    be right in the mean of many runs only, its surplus would stay where it is.) What goes out does
+    not depend on that number: it is a Poisson stream at the rate of λ molecules, so that the number
+    of molecules outside is right in the mean for any λ, and Poisson, without the noise of rounding.
     """
 
     group: str
@@ -143,12 +149,18 @@ def hold_amounts(i, group, volume, status, value, amount, amount_booked):
 
 
 @particle_loop
-def hold_counts(i, group, volume, depth, status, value, count, count_booked):
-    """Bring the molecules of reservoirs back to the whole number nearest to C V 𝒩; book it."""
+def hold_counts(i, step, id, key0, key1, group, volume, depth, status, value, count, count_booked):
+    """Bring the molecules of reservoirs back to C V 𝒩, rounded without bias; book it.
+
+    The random number is the step's: within a step a particle is brought back to the same number.
+    """
     g = group[i]
     for s in range(status.shape[1]):
         if status[g, s] == 1:
-            kept = np.int64(math.floor(value[g, s] * volume[i] * depth * AVOGADRO + 0.5))
+            expected = value[g, s] * volume[i] * depth * AVOGADRO
+            kept = stochastic_round(
+                expected, np.uint64(id[i]), np.uint64(step), np.uint64(s), key0, key1
+            )
             count_booked[i, s] += kept - count[i, s]
             count[i, s] = kept
 

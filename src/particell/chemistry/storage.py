@@ -108,6 +108,7 @@ def table_fields(device: Device, tables: Tables, receives: np.ndarray) -> dict[s
         "pair_kappa": array(tables.pair_diffusivity),
         "status": array(tables.status),
         "value": array(tables.value),
+        "held": array(tables.value),
         "inward": array(tables.flux),
         "transfer": array(tables.transfer),
         "diffusivity": array(tables.diffusivity),

@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from particell import snapshot
 from particell.boundaries.reflection import Reflection
 from particell.boundaries.sponge import Sponge
 from particell.chemistry.engine import Chemistry
-from particell.chemistry.invariants import conserved_totals
 from particell.chemistry.reactions import Reaction
 from particell.chemistry.reservoirs import FixedValueWall, FluxWall, Reservoir
 from particell.chemistry.species import Species
@@ -244,7 +244,7 @@ class Simulation:
         self.constraints.renew()
         self.monitor.check()
         self._first_momentum = self.monitor.momentum()
-        self._first_totals = self._net_totals()
+        self._first_totals = snapshot.net_totals(self)
         self._wall_seconds += clock.perf_counter() - begin
         self._compile_seconds += CompileLog.seconds - compiling
 
@@ -323,51 +323,15 @@ class Simulation:
 
     def static_frame(self) -> dict[str, np.ndarray]:
         """Fields that do not change, in the order of ids; masses in kg."""
-        p = self.particles
-        frame = {name: p.by_id(name) for name in ("id", "group", "support")}
-        frame["mass"] = p.by_id("mass") * self.depth_factor
-        return frame
+        return snapshot.static_frame_of(self)
 
     def frame(self) -> dict[str, np.ndarray]:
         """Fields of one trajectory frame, in the order of ids."""
-        p = self.particles
-        names = {"x": "position", "v": "velocity", "image": "image"}
-        if not self.static:
-            names |= {"density": "density", "pressure": "pressure"}
-        frame = {shown: p.by_id(name) for name, shown in names.items()}
-        if self.chemistry:
-            order = np.argsort(p.host("id"))
-            for name, s in self.chemistry.species.items():
-                frame[f"concentration/{name}"] = self.chemistry.concentration(name)[order]
-                if s.molecules:
-                    frame[f"count/{name}"] = self.chemistry.count(name)[order]
-                if self._books:
-                    frame[f"inflow/{name}"] = self._booked(name)
-        return frame
-
-    def _booked(self, name: str) -> np.ndarray:
-        """What came into each particle through boundaries so far: mol or molecules, by id."""
-        assert self.chemistry is not None
-        whole = self.chemistry.species[name].molecules
-        booked = self.particles.by_id("count_booked" if whole else "amount_booked")
-        values = booked[:, self.chemistry.column(name)]
-        return values if whole else values * self.depth_factor
+        return snapshot.frame_of(self, self._books)
 
     def observables(self) -> dict[str, float]:
         """Scalars for time series."""
-        values: dict[str, float] = {}
-        if not self.static:
-            energy, momentum = self.monitor.kinetic_energy(), self.monitor.momentum()
-            values["kinetic_energy"] = energy
-            for axis, p in zip("xyz", momentum, strict=False):
-                values[f"momentum_{axis}"] = float(p)
-            values["largest_speed"] = self.monitor.largest_speed()
-        if self.chemistry:
-            for name, (total, booked) in self.chemistry.totals().items():
-                scale = 1 if self.chemistry.species[name].molecules else self.depth_factor
-                values[f"amount_{name}"] = total * scale
-                values[f"inflow_{name}"] = booked * scale
-        return values
+        return snapshot.observables_of(self)
 
     def conservation(self) -> dict[str, float]:
         """How far conserved quantities have drifted.
@@ -376,52 +340,17 @@ class Simulation:
         that no reaction changes, net of booked boundary flux, relative to the amounts; molecules
         as whole numbers.
         """
-        drift: dict[str, float] = {}
-        if not self.static and self._first_momentum is not None:
-            change = self.monitor.momentum() - self._first_momentum
-            scale = self.monitor.absolute_momentum()
-            drift["momentum"] = float(np.linalg.norm(change) / scale) if scale else 0.0
-        if self.chemistry:
-            for name, (value, size) in conserved_totals(self.chemistry).items():
-                drift[f"amount {name}"] = float((value - self._first_totals[name]) / size)
-        drift["reflections"] = float(self.constraints.count())
-        return drift
-
-    def _net_totals(self) -> dict[str, float]:
-        if not self.chemistry:
-            return {}
-        return {name: value for name, (value, _) in conserved_totals(self.chemistry).items()}
+        return snapshot.drift_since(self, self._first_momentum, self._first_totals)
 
     @property
     def performance(self) -> dict[str, float]:
         """Particles, steps, seconds, and particle-steps per second (compilation left out)."""
-        busy = max(self._wall_seconds - self._compile_seconds, 1e-9)
-        chemistry = self.chemistry
-        return {
-            "particles": len(self.particles),
-            "steps": self.step,
-            "wall_seconds": self._wall_seconds,
-            "compile_seconds": self._compile_seconds,
-            "particle_steps_per_second": len(self.particles) * self.step / busy,
-            "neighbour_list_builds": self.neighbours.builds,
-            "ssa_events": chemistry.events if chemistry else 0,
-            "diffusion_jumps": chemistry.jumps if chemistry else 0,
-        }
+        return snapshot.performance_of(self, self._wall_seconds, self._compile_seconds)
 
     @property
     def settings(self) -> dict[str, Any]:
         """What was chosen for this run, for the summary."""
-        return {
-            "scheme": type(self.scheme).__name__,
-            "kernel": self.scheme.kernel,
-            "support": float(self.particles.host("support").max()),
-            "skin": self.neighbours.skin,
-            "dt": self.dt,
-            "chemistry_every": self.chemistry_every,
-            "sound_speed": [m.sound_speed for m in self.materials],
-            "depth": self.depth,
-            "mass": "lattice sum" if self.scheme.density == "summation" else "density * volume",
-        }
+        return snapshot.settings_of(self)
 
     # --- restart -----------------------------------------------------------------------------
 

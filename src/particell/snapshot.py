@@ -1,0 +1,123 @@
+"""What can be seen of a simulation between steps: frames, scalars, conservation, settings."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from particell.chemistry.invariants import conserved_totals
+
+if TYPE_CHECKING:
+    from particell.simulation import Simulation
+
+
+def static_frame_of(simulation: Simulation) -> dict[str, np.ndarray]:
+    """See :meth:`particell.simulation.Simulation.static_frame`."""
+    p = simulation.particles
+    frame = {name: p.by_id(name) for name in ("id", "group", "support")}
+    frame["mass"] = p.by_id("mass") * simulation.depth_factor
+    return frame
+
+
+def frame_of(simulation: Simulation, booked: bool) -> dict[str, np.ndarray]:
+    """See :meth:`particell.simulation.Simulation.frame`; ``booked`` adds inflows."""
+    p, chemistry = simulation.particles, simulation.chemistry
+    names = {"x": "position", "v": "velocity", "image": "image"}
+    if not simulation.static:
+        names |= {"density": "density", "pressure": "pressure"}
+    frame = {shown: p.by_id(name) for name, shown in names.items()}
+    if chemistry:
+        order = np.argsort(p.host("id"))
+        for name, s in chemistry.species.items():
+            frame[f"concentration/{name}"] = chemistry.concentration(name)[order]
+            if s.molecules:
+                frame[f"count/{name}"] = chemistry.count(name)[order]
+            if booked:
+                frame[f"inflow/{name}"] = _booked(simulation, name)
+    return frame
+
+
+def _booked(simulation: Simulation, name: str) -> np.ndarray:
+    """What came into each particle through boundaries so far: mol or molecules, by id."""
+    chemistry = simulation.chemistry
+    assert chemistry is not None
+    whole = chemistry.species[name].molecules
+    booked = simulation.particles.by_id("count_booked" if whole else "amount_booked")
+    values = booked[:, chemistry.column(name)]
+    return values if whole else values * simulation.depth_factor
+
+
+def observables_of(simulation: Simulation) -> dict[str, float]:
+    """See :meth:`particell.simulation.Simulation.observables`."""
+    values: dict[str, float] = {}
+    monitor, chemistry = simulation.monitor, simulation.chemistry
+    if not simulation.static:
+        values["kinetic_energy"] = monitor.kinetic_energy()
+        for axis, p in zip("xyz", monitor.momentum(), strict=False):
+            values[f"momentum_{axis}"] = float(p)
+        values["largest_speed"] = monitor.largest_speed()
+    if chemistry:
+        for name, (total, booked) in chemistry.totals().items():
+            scale = 1 if chemistry.species[name].molecules else simulation.depth_factor
+            values[f"amount_{name}"] = total * scale
+            values[f"inflow_{name}"] = booked * scale
+    return values
+
+
+def net_totals(simulation: Simulation) -> dict[str, float]:
+    """Sums of amounts that no reaction changes, net of what was booked at boundaries."""
+    if not simulation.chemistry:
+        return {}
+    return {name: value for name, (value, _) in conserved_totals(simulation.chemistry).items()}
+
+
+def drift_since(
+    simulation: Simulation, momentum: np.ndarray | None, totals: dict[str, float]
+) -> dict[str, float]:
+    """See :meth:`particell.simulation.Simulation.conservation`; the arguments are the first."""
+    drift: dict[str, float] = {}
+    monitor = simulation.monitor
+    if not simulation.static and momentum is not None:
+        change = monitor.momentum() - momentum
+        scale = monitor.absolute_momentum()
+        drift["momentum"] = float(np.linalg.norm(change) / scale) if scale else 0.0
+    if simulation.chemistry:
+        for name, (value, size) in conserved_totals(simulation.chemistry).items():
+            drift[f"amount {name}"] = float((value - totals[name]) / size)
+    drift["reflections"] = float(simulation.constraints.count())
+    return drift
+
+
+def performance_of(
+    simulation: Simulation, wall_seconds: float, compile_seconds: float
+) -> dict[str, float]:
+    """See :attr:`particell.simulation.Simulation.performance`."""
+    n, chemistry = len(simulation.particles), simulation.chemistry
+    busy = max(wall_seconds - compile_seconds, 1e-9)
+    return {
+        "particles": n,
+        "steps": simulation.step,
+        "wall_seconds": wall_seconds,
+        "compile_seconds": compile_seconds,
+        "particle_steps_per_second": n * simulation.step / busy,
+        "neighbour_list_builds": simulation.neighbours.builds,
+        "ssa_events": chemistry.events if chemistry else 0,
+        "diffusion_jumps": chemistry.jumps if chemistry else 0,
+    }
+
+
+def settings_of(simulation: Simulation) -> dict[str, Any]:
+    """See :attr:`particell.simulation.Simulation.settings`."""
+    scheme = simulation.scheme
+    return {
+        "scheme": type(scheme).__name__,
+        "kernel": scheme.kernel,
+        "support": float(simulation.particles.host("support").max()),
+        "skin": simulation.neighbours.skin,
+        "dt": simulation.dt,
+        "chemistry_every": simulation.chemistry_every,
+        "sound_speed": [m.sound_speed for m in simulation.materials],
+        "depth": simulation.depth,
+        "mass": "lattice sum" if scheme.density == "summation" else "density * volume",
+    }

@@ -35,13 +35,13 @@ import numpy as np
 from pydantic import Field
 from scipy.integrate import solve_ivp
 from scipy.sparse import diags, eye, kron
-from scipy.stats import chi2
 
 from particell import plots
 from particell.analysis.statistics import epsilon_error, relative_l2
 from particell.cases import reference
 from particell.cases.base import Case, Context, Diffusivity, Length, Metric
 from particell.cases.diffusion_1d import slab
+from particell.cases.scores import chi_square_metric
 from particell.chemistry.reactions import Reaction
 from particell.chemistry.reservoirs import FixedValueWall
 from particell.chemistry.species import Species
@@ -60,8 +60,6 @@ PAPER = {16: (1.9e-4, 7.3e-4), 32: (1.7e-4, 5.3e-4), 64: (2.3e-4, 6.6e-4)}
 COMMITTED = (1, 16_000, 32_000, 64_000, 160_000, 320_000, 640_000)
 #: Times that are looked at, 10 κt/L².
 TIMES = (0.2, 0.4, 0.6, 0.8, 1.0)
-#: False-alarm rate of the statistical metric.
-ALARM = 1e-6
 WATER = Fluid(density=1000.0, viscosity=1e-3)
 
 
@@ -285,9 +283,7 @@ class Annihilation1D(Case):
         # annihilates leaves its mean as it is and takes away variance: the chi-square is less.
         poisson = (slab(self.x, 0.1) + slab(1 - self.x, 0.1)) / (self.molecules * self.realisations)
         scores = (mean[0] - mean[1] - (values[0] - values[1])) ** 2 / poisson
-        found["difference_molecules_chi2"] = Metric(
-            float(scores.mean()), limit=float(chi2.isf(ALARM, scores.size) / scores.size)
-        )
+        found["difference_molecules_chi2"] = chi_square_metric(float(scores.sum()), scores.size)
         scatter = counted[0].std(axis=0, ddof=1) * math.sqrt(self.molecules)
         there = values[0] > 1e-3
         found["scatter_of_A"] = Metric(float(np.mean(scatter[there] / np.sqrt(values[0, there]))))

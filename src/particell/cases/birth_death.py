@@ -22,10 +22,11 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field
-from scipy.stats import chi2, poisson
+from scipy.stats import poisson
 
 from particell import plots
 from particell.cases.base import Case, Context, Diffusivity, Length, Metric, Rate
+from particell.cases.scores import chi_square_metric
 from particell.chemistry.reactions import Reaction
 from particell.chemistry.species import Species
 from particell.geometry.domain import Domain
@@ -122,10 +123,7 @@ class BirthDeath(Case):
             spread = float(np.mean((counts - mean) ** 2))
             sigma = math.sqrt((2 * mean**2 + mean) / n)
             found[f"variance_{label}"] = Metric((spread - mean) / sigma, limit=6.0, unit="sigma")
-            statistic, freedom = self.chi_square(counts, mean)
-            found[f"chi2_{label}"] = Metric(
-                statistic / freedom, limit=float(chi2.isf(ALARM, freedom) / freedom)
-            )
+            found[f"chi2_{label}"] = chi_square_metric(*self.chi_square(counts, mean), ALARM)
         counts = self.counts(run, len(run) - 1)
         square = counts.reshape(self.resolution, -1) - self.mean
         product = float(np.mean(square * np.roll(square, 1, axis=0))) / self.mean

@@ -33,12 +33,12 @@ import numpy as np
 from pydantic import Field
 from scipy.optimize import minimize_scalar
 from scipy.special import erfc
-from scipy.stats import chi2
 
 from particell import plots
 from particell.analysis.statistics import epsilon_error, relative_l2
 from particell.cases import diffusion_1d_ensemble
 from particell.cases.base import Case, Context, Diffusivity, Length, Metric, Time
+from particell.cases.scores import poisson_metric
 from particell.chemistry.reservoirs import FixedValueWall
 from particell.chemistry.species import Species
 from particell.geometry.domain import Domain
@@ -53,8 +53,6 @@ if TYPE_CHECKING:
 
 #: The papers' ε of concentrations and of molecules by resolution (κ = 0.1, t = 1).
 PAPER = {16: (6.6e-4, 8.5e-4), 32: (4.7e-4, 5.3e-4), 64: (3.8e-4, 8.1e-4)}
-#: False-alarm rate of the statistical metric.
-ALARM = 1e-6
 #: Errors are looked at from this κt/L² on, and the diffusivity is fitted up to that one.
 FIRST, LAST_OF_FIT = 0.004, 0.04
 
@@ -181,10 +179,8 @@ class Diffusion1D(Case):
         if frames:
             ratio = self._effective_diffusivity(run, frames) / self.diffusivity
             found["diffusivity_error"] = Metric(ratio - 1, limit=1e-2)
-        scores = self._scores(values, counted)
-        found["molecules_chi2"] = Metric(
-            float(np.mean(scores**2)), limit=float(chi2.isf(ALARM, scores.size) / scores.size)
-        )
+        number, mean = counted * self.molecules, values * self.molecules
+        found["molecules_chi2"] = poisson_metric(number, mean)
         drift = self._drift(run, "C") / run.observable("amount_C")[-1]
         found["amount_drift"] = Metric(drift, limit=1e-10)
         found["molecules_drift"] = Metric(self._drift(run, "C_molecules"), limit=0.0)

@@ -12,14 +12,12 @@ from scipy.stats import chi2
 from particell import plots
 from particell.analysis.statistics import Moments, epsilon_error
 from particell.cases.base import Metric
+from particell.cases.scores import ALARM, FEWEST, poisson_metric
 from particell.ensemble.figures import band
 
 if TYPE_CHECKING:
     from particell.cases.diffusion_1d import Diffusion1D
     from particell.ensemble.results import EnsembleRun
-
-#: False-alarm rate of the statistical metrics.
-ALARM = 1e-6
 
 
 def profile(
@@ -36,6 +34,7 @@ def metrics(case: Diffusion1D, ensemble: EnsembleRun, paper: float | None) -> di
     The counts are independent Poisson numbers of the deterministic means λ. With R realisations
     and n particles, ``mean_chi2`` is Σ (N̄ - λ)² R/λ over n, and ``dispersion`` is
     Σ (N - N̄)²/λ over n (R - 1), less 1; both are chi-square distributed but for a factor.
+    Particles are left out where R λ, or λ, is less than :data:`particell.cases.scores.FEWEST`.
     """
     runs = len(ensemble)
     if runs < 2:
@@ -44,19 +43,23 @@ def metrics(case: Diffusion1D, ensemble: EnsembleRun, paper: float | None) -> di
     x, values, found = profile(case, ensemble, frame)
     expected = np.maximum(values * case.molecules, 1e-300)
     mean, variance = found.mean * case.molecules, (found.deviation * case.molecules) ** 2
-    size = len(x)
-    square = float(((mean - expected) ** 2 * runs / expected).sum() / size)
-    freedom = size * (runs - 1)
-    dispersion = float((variance / expected).sum() / size)
-    reach = max(
-        chi2.isf(ALARM / 2, freedom) / freedom - 1, 1 - chi2.ppf(ALARM / 2, freedom) / freedom
-    )
     exact = case.exact(x, float(ensemble.times[frame]))
     return {
         "eps of the mean of molecules": Metric(epsilon_error(found.mean, exact, 1.0), paper),
-        "mean_chi2": Metric(square, limit=float(chi2.isf(ALARM, size) / size)),
-        "dispersion": Metric(dispersion - 1, limit=float(reach)),
+        "mean_chi2": poisson_metric(runs * mean, runs * expected),
+        "dispersion": _dispersion(variance, expected, runs - 1),
     }
+
+
+def _dispersion(variance: np.ndarray, expected: np.ndarray, freedom: int) -> Metric:
+    enough = expected >= FEWEST
+    if not enough.any():
+        return Metric(math.nan)
+    freedom *= int(enough.sum())
+    reach = max(
+        chi2.isf(ALARM / 2, freedom) / freedom - 1, 1 - chi2.ppf(ALARM / 2, freedom) / freedom
+    )
+    return Metric(float(np.mean((variance / expected)[enough])) - 1, limit=float(reach))
 
 
 def figures(case: Diffusion1D, ensemble: EnsembleRun, directory: Path) -> list[Path]:

@@ -33,12 +33,12 @@ from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
-from scipy.stats import chi2
 
 from particell import plots
 from particell.analysis.statistics import decay_rate, epsilon_error, relative_l2
 from particell.cases import reference
 from particell.cases.base import Case, Context, Diffusivity, Length, Metric
+from particell.cases.scores import poisson_metric
 from particell.chemistry.reservoirs import FixedValueWall
 from particell.chemistry.species import Species
 from particell.geometry.domain import Domain
@@ -52,8 +52,6 @@ from particell.simulation import Simulation
 
 #: The papers' ε of concentrations and of molecules by resolution (steady state).
 PAPER = {17: (2.3e-4, 2.9e-4), 33: (5.8e-5, 1.3e-4), 65: (1.4e-5, 2.0e-4)}
-#: False-alarm rate of the statistical metric.
-ALARM = 1e-6
 #: The decay of the slowest mode is fitted between these parts of it.
 LARGEST_PART, SMALLEST_PART = 0.9, 0.15
 #: Support in spacings: the nearest neighbours of a lattice, or enough for disorder.
@@ -246,15 +244,8 @@ class Diffusion2D(Case):
             "diffusivity_error": Metric(self.diffusivity_error(run, 0), limit=1e-2),
             "diffusivity_error_molecules": Metric(self.diffusivity_error(run, 1)),
         }
-        mean = values * self.molecules * self.realisations
-        # enough molecules for the normal distribution, which the chi-square is made of
-        many = mean > 10
-        if many.any():
-            number = counted * self.molecules * self.realisations
-            scores = ((number - mean) / np.sqrt(mean))[many]
-            found["molecules_chi2"] = Metric(
-                float(np.mean(scores**2)), limit=float(chi2.isf(ALARM, scores.size) / scores.size)
-            )
+        whole = self.molecules * self.realisations
+        found["molecules_chi2"] = poisson_metric(counted * whole, values * whole)
         for name, limit in (("C", 1e-10), ("C_molecules", 0.0)):
             net = run.observable(f"amount_{name}") - run.observable(f"inflow_{name}")
             scale = run.observable("amount_C")[-1] if name == "C" else 1.0

@@ -43,12 +43,13 @@ from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
-from scipy.stats import chi2, norm
+from scipy.stats import norm
 
 from particell import plots
 from particell.analysis.statistics import block_average, maxwellian_test
 from particell.cases.base import Case, Context, Density, Length, Metric, Temperature, Viscosity
 from particell.cases.equilibrium_structure import mean_field, shortest_waves, structure_factor
+from particell.cases.scores import chi_square_metric
 from particell.geometry.domain import Domain
 from particell.materials import BOLTZMANN, Fluid
 from particell.output.run import Run
@@ -56,8 +57,6 @@ from particell.phases import fluid
 from particell.schemes.sdpd import SDPD
 from particell.simulation import Simulation
 
-#: False-alarm rate of the test for Maxwell's distribution.
-ALARM = 1e-6
 #: Frames between those whose velocities are tested: longer than the slowest wave's memory.
 THINNING = 20
 #: Part of the run that is equilibration.
@@ -182,10 +181,7 @@ class Equilibrium2D(Case):
             ),
             "temperature_standard_error": Metric(float(temperature.error) / self.temperature),
             "momentum_drift": Metric(simulation.conservation()["momentum"], limit=1e-10),
-            "maxwell_chi2": Metric(
-                test.statistic / test.freedom,
-                limit=float(chi2.isf(ALARM, test.freedom) / test.freedom),
-            ),
+            "maxwell_chi2": chi_square_metric(test.statistic, test.freedom),
             "density_variance": Metric(float(variance.mean)),
             "density_variance_error": Metric(float(variance.error)),
             "density_mean_deviation": Metric(

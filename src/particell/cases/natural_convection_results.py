@@ -12,12 +12,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy.stats import chi2
 
 from particell import plots
 from particell.analysis.statistics import epsilon_error
 from particell.cases import reference
 from particell.cases.base import Metric
+from particell.cases.scores import poisson_metric
 from particell.materials import AVOGADRO
 from particell.output.run import Run
 
@@ -147,12 +147,7 @@ def poisson_score(run: Run) -> Metric:
     volume = run.static["mass"] / run.field("density")[last]
     mean = (run.field("concentration/C")[last] * volume * AVOGADRO)[fluid]
     count = run.field("count/C_molecules")[last][fluid]
-    enough = mean >= 20
-    degrees = int(enough.sum())
-    if not degrees:
-        return Metric(float("nan"))
-    square = float(np.sum((count - mean)[enough] ** 2 / mean[enough]))
-    return Metric(square / degrees, limit=float(chi2.isf(ALARM, degrees) / degrees))
+    return poisson_metric(count, mean, ALARM, fewest=20.0)
 
 
 def metrics(case: NaturalConvection, run: Run) -> dict[str, Metric]:

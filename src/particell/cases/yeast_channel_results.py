@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.stats import chi2
 
 from particell import plots
 from particell.analysis.statistics import relative_l2
 from particell.cases import reference
 from particell.cases.base import Metric
+from particell.cases.scores import chi_square_metric
 from particell.output.run import Run
 
 if TYPE_CHECKING:
@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 
 #: Limit of the relative L2 errors.
 LIMIT = 0.05
-#: False-alarm rate of the statistical metric.
-ALARM = 1e-6
 TIMES = (1.0, 2.0)
 
 
@@ -106,8 +104,7 @@ def _molecules_against_concentrations(run: Run, frame: int) -> Metric:
     number = values("count/RL_molecules") + values("count/R_molecules")
     variance = np.maximum(number * share * (1 - share), 1e-9)
     square = ((values("count/RL_molecules") - number * share) ** 2 / variance).sum()
-    degrees = int(mask.sum())
-    return Metric(float(square / degrees), limit=float(chi2.isf(ALARM, degrees) / degrees))
+    return chi_square_metric(float(square), int(mask.sum()))
 
 
 def figures(case: YeastChannel, run: Run, directory: Path) -> list[Path]:

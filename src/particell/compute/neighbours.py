@@ -125,11 +125,12 @@ def find_neighbours(
         first_y, number_y = axis_cells(iy, cells[DIM - 2], periodic[DIM - 2], 1)
     last = cells[DIM - 1]
     first_z, number_z = axis_cells(iz, last, periodic[DIM - 1], 1)
-    crosses[i] = (
+    wraps = (
         wraps_around(first_z, number_z, last, periodic[DIM - 1])
         or (DIM >= 2 and wraps_around(first_y, number_y, cells[DIM - 2], periodic[DIM - 2]))
         or (DIM == 3 and wraps_around(first_x, number_x, cells[0], periodic[0]))
     )
+    crosses[i] = wraps
     begin = i * capacity
     k = begin
     limit = begin + capacity - 1
@@ -165,15 +166,18 @@ def find_neighbours(
                             high = first_z + number_z - last
                     for j in range(cell_start[row + low], cell_start[row + high]):
                         dx = xi - x[j, 0]
-                        dx -= period[0] * nearest_integer(dx * inverse_period[0])
+                        if wraps:
+                            dx -= period[0] * nearest_integer(dx * inverse_period[0])
                         r2 = dx * dx
                         if DIM > 1:
                             dy = yi - x[j, 1]
-                            dy -= period[1] * nearest_integer(dy * inverse_period[1])
+                            if wraps:
+                                dy -= period[1] * nearest_integer(dy * inverse_period[1])
                             r2 += dy * dy
                         if DIM > 2:
                             dz = zi - x[j, 2]
-                            dz -= period[2] * nearest_integer(dz * inverse_period[2])
+                            if wraps:
+                                dz -= period[2] * nearest_integer(dz * inverse_period[2])
                             r2 += dz * dz
                         if not UNIFORM:
                             reach = 0.5 * (support[i] + support[j]) + skin

@@ -39,6 +39,20 @@ def transport_velocity(i, is_wall, v, shift, mass, support, pressure, dt, transp
 
 
 @particle_loop
+def fluid_volume(i, is_wall, mass, density, part):
+    """The volume m/ρ of a mobile particle, 0 for walls."""
+    part[i, 0] = 0.0 if is_wall[i] else mass[i] / density[i]
+
+
+@particle_loop
+def scale_density(i, is_wall, mass, density, volume, factor):
+    """ρ ← ρ factor for mobile particles."""
+    if not is_wall[i]:
+        density[i] *= factor
+        volume[i] = mass[i] / density[i]
+
+
+@particle_loop
 def equation_of_state(
     i,
     is_wall,

@@ -96,10 +96,8 @@ def _membrane(case: YeastChannel, ensemble: EnsembleRun):
             elinewidth=0.8,
             label=f"molecules, t* = {star:g}",
         )
-    axes.set(xlabel="angle from downstream [°]", ylabel="RL / R₀ in the membrane", ylim=(0, None))
-    axes.set_xticks(np.arange(0, 361, 45))
     axes.set_title(f"mean ± deviation of {len(ensemble)} realisations")
-    axes.legend()
+    results.finish_membrane(axes)
     return figure
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -226,10 +226,15 @@ def _membrane_figure(case: YeastChannel, run: Run):
                 markerfacecolor="none",
                 label=f"{kind}, t* = {star:g}",
             )
+    finish_membrane(axes)
+    return figure
+
+
+def finish_membrane(axes: Any) -> None:
+    """Labels of a figure of the membrane."""
     axes.set(xlabel="angle from downstream [°]", ylabel="RL / R₀ in the membrane", ylim=(0, None))
     axes.set_xticks(np.arange(0, 361, 45))
     axes.legend()
-    return figure
 
 
 @plots.styled

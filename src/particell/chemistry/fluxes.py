@@ -32,7 +32,8 @@ from particell.chemistry.reservoirs import FluxWall
 from particell.compute.loop import particle_loop
 from particell.errors import InputError
 from particell.geometry.domain import Domain
-from particell.laws.diffusion import pair_f, separation_square, wall_distance
+from particell.laws.diffusion import wall_distance
+from particell.laws.pairs import pair_f, separation_square
 from particell.particles import Particles
 
 

@@ -9,13 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from particell.compute.loop import particle_loop
-from particell.laws.diffusion import (
-    exchange_velocity,
-    pair_f,
-    separation_square,
-    surface_factor,
-    wall_distance,
-)
+from particell.laws.diffusion import exchange_velocity, surface_factor, wall_distance
+from particell.laws.pairs import pair_f, separation_square
 from particell.materials import AVOGADRO
 
 

@@ -18,15 +18,13 @@ J. Comput. Phys. 231 (2012) 7057, Eq. 27).
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from particell.compute.loop import particle_loop
-from particell.compute.rounding import nearest_integer
 from particell.errors import InputError
-from particell.kernels import shape_w
+from particell.laws.pairs import image_offset, wall_weight
 
 
 @dataclass(frozen=True)
@@ -100,12 +98,10 @@ def add_wall_head(
         j = neighbours[k]
         r2, head = 0.0, 0.0
         for d in range(DIM):
-            offset = x[i, d] - x[j, d]
-            if wraps:
-                offset -= period[d] * nearest_integer(offset * inverse_period[d])
+            offset = image_offset(x, i, j, d, wraps, period, inverse_period)
             r2 += offset * offset
             head += strength[d] * offset
-        w = shape_w(math.sqrt(r2) / (0.5 * (support[i] + support[j])), KERNEL)
+        w = wall_weight(r2, support, i, j, KERNEL)
         weights += w
         total += w * density[j] * head * (scale * content[j, s] / volume[j] - reference)
     if weights > 0.0:

@@ -17,9 +17,9 @@ from particell.compute.device import Device
 from particell.compute.neighbours import NeighbourList
 from particell.errors import InputError
 from particell.geometry.domain import Domain
-from particell.kernels import kernel_code
 from particell.materials import Fluid
 from particell.particles import Particles
+from particell.schemes.checks import check_choice, check_kernel
 from particell.schemes.sdpd_solver import SDPDSolver
 from particell.schemes.timestep import VISCOUS, VISCOUS_TRAPEZOIDAL_NOISE
 
@@ -84,16 +84,10 @@ class SDPD:
         if self.skin is None:
             # thermal motion separates neighbours that a flow keeps together
             object.__setattr__(self, "skin", 0.3 if self.fluctuations else 0.1)
-        kernel_code(self.kernel)
-        for name, allowed in (
-            ("integrator", INTEGRATORS),
-            ("density", DENSITIES),
-            ("noise", NOISES),
-        ):
-            if getattr(self, name) not in allowed:
-                raise InputError(name, getattr(self, name), f"one of {', '.join(allowed)}")
-        if not 1.2 <= self.support <= 10:
-            raise InputError("support", self.support, "between 1.2 and 10 particle spacings")
+        check_kernel(self.kernel, self.support)
+        check_choice("integrator", self.integrator, INTEGRATORS)
+        check_choice("density", self.density, DENSITIES)
+        check_choice("noise", self.noise, NOISES)
         assert self.skin is not None
         if not 0 < self.skin <= 1:
             raise InputError("skin", self.skin, "between 0 and 1 supports")

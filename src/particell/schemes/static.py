@@ -6,11 +6,10 @@ from dataclasses import dataclass
 
 from particell.compute.device import Device
 from particell.compute.neighbours import NeighbourList
-from particell.errors import InputError
 from particell.geometry.domain import Domain
-from particell.kernels import kernel_code
 from particell.materials import Fluid
 from particell.particles import Particles
+from particell.schemes.checks import check_kernel
 
 
 @dataclass(frozen=True)
@@ -31,9 +30,7 @@ class Static:
     gravity: None = None
 
     def __post_init__(self) -> None:
-        kernel_code(self.kernel)
-        if not 1.2 <= self.support <= 10:
-            raise InputError("support", self.support, "between 1.2 and 10 particle spacings")
+        check_kernel(self.kernel, self.support)
 
     def solver(
         self,

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from particell.compute.loop import particle_loop
-from particell.compute.rounding import nearest_integer
 from particell.kernels import power, shape_w
+from particell.laws.pairs import image_offset, wall_weight
 
 
 @particle_loop
@@ -41,9 +41,7 @@ def summed_density(
         j = neighbours[k]
         r2 = 0.0
         for d in range(DIM):
-            s = x[i, d] - x[j, d]
-            if wraps:
-                s -= period[d] * nearest_integer(s * inverse_period[d])
+            s = image_offset(x, i, j, d, wraps, period, inverse_period)
             r2 += s * s
         r = math.sqrt(r2)
         if UNIFORM:
@@ -88,12 +86,10 @@ def wall_pressure(
         j = neighbours[k]
         r2, head = 0.0, 0.0
         for d in range(DIM):
-            s = x[i, d] - x[j, d]
-            if wraps:
-                s -= period[d] * nearest_integer(s * inverse_period[d])
+            s = image_offset(x, i, j, d, wraps, period, inverse_period)
             r2 += s * s
             head += gravity[d] * s
-        w = shape_w(math.sqrt(r2) / (0.5 * (support[i] + support[j])), KERNEL)
+        w = wall_weight(r2, support, i, j, KERNEL)
         weights += w
         total += w * (pressure[j] + density[j] * head)
     value = background[group[i]]

@@ -188,37 +188,47 @@ class Lammps:
 # --- ours, in processes of their own -----------------------------------------------------------
 
 
-def our_flow(dim: int, noise: bool, density: str, skin: float, part: float) -> Simulation:
-    """The vortex of ``particell bench`` with another skin or density."""
-    given = bench.flow(dim, noise)
-    assert isinstance(given.scheme, SDPD)
-    scheme = replace(given.scheme, skin=skin, density=density)
-    return Simulation(given.domain, given.phases, scheme, dt=part * given.dt)
-
-
 @dataclass(frozen=True)
 class Ours:
-    """One way to run our flow."""
+    """One way to run the vortex of ``particell bench``.
+
+    ``diffusion`` is the δ of the density (None: the scheme's own), ``part`` the time step in units
+    of the automatic one.
+    """
 
     dim: int
     noise: bool
-    density: str
-    skin: float
-    part: float
-    cores: int
+    density: str = "continuity"
+    diffusion: float | None = None
+    part: float = PART
+    skin: float = 0.1
+    cores: int = 1
 
-    def times(self, blocks: int) -> list[float]:
-        """Seconds a step of blocks of steps after one that warms up, in a process of its own."""
-        command = [sys.executable, __file__, "--ours", json.dumps([asdict(self), blocks])]
-        done = subprocess.run(command, capture_output=True, text=True, check=True)
-        return json.loads(done.stdout.splitlines()[-1])
+    def flow(self) -> Simulation:
+        """The simulation."""
+        given = bench.flow(self.dim, self.noise)
+        assert isinstance(given.scheme, SDPD)
+        scheme = replace(
+            given.scheme,
+            skin=self.skin,
+            density=self.density,
+            density_diffusion=self.diffusion,
+        )
+        return Simulation(given.domain, given.phases, scheme, dt=self.part * given.dt)
+
+    @property
+    def flow_diffusion(self) -> float:
+        """The δ in use."""
+        return SDPD(
+            density=self.density, fluctuations=self.noise, density_diffusion=self.diffusion
+        ).delta
 
     def times_here(self, blocks: int) -> list[float]:
-        """The same in this process."""
+        """Seconds a step of blocks of steps after one that warms up."""
         set_threads(self.cores)
         clock = time.process_time if self.cores == 1 else time.perf_counter
         steps = STEPS[self.dim][self.noise]
-        flow = our_flow(self.dim, self.noise, self.density, self.skin, self.part)
+        flow = self.flow()
         flow.advance(steps)
         seconds = []
         for _ in range(blocks):
@@ -226,6 +236,14 @@ class Ours:
             flow.advance(steps)
             seconds.append((clock() - begin) / steps)
         return seconds
+
+
+def measure(ways: Iterable[Ours], blocks: int) -> list[list[float]]:
+    """:meth:`Ours.times_here` of each, in one process of its own."""
+    given = json.dumps([[asdict(way) for way in ways], blocks])
+    command = [sys.executable, __file__, "--ours", given]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    return json.loads(done.stdout.splitlines()[-1])
 
 
 def our_temperatures(box: Box, dt: float, density: str, every: int, frames: int) -> np.ndarray:
@@ -273,26 +291,30 @@ def best_skin(times: Iterable[tuple[float, list[float]]]) -> float:
     return min((min(seconds), skin) for skin, seconds in times)[1]
 
 
-def speed_rows(lammps: Lammps, rounds: int) -> Iterator[dict[str, Any]]:
+def speed_rows(
+    lammps: Lammps, rounds: int, dims: Iterable[int], every: Iterable[int]
+) -> Iterator[dict[str, Any]]:
     """One row for each flow, number of cores and way of our density."""
-    for dim in (2, 3):
+    for dim in dims:
         for noise in (False, True):
             box, dt = flow_box(dim, noise)
             steps, dt = STEPS[dim][noise], PART * dt
-            ways = {"continuity": Ours(dim, noise, "continuity", 0.0, PART, 1)}
+            ways = {"as it is": Ours(dim, noise), "own step": Ours(dim, noise, part=1.0)}
             if noise:
-                ways["summation"] = replace(ways["continuity"], density="summation")
-            ways["own step"] = replace(ways["continuity"], part=1.0)
+                ways["summation"] = Ours(dim, noise, "summation")
+            else:
+                ways["no diffusion"] = Ours(dim, noise, diffusion=0.0)
             for name, way in ways.items():
-                tried = [(s, replace(way, skin=s).times(1)) for s in SKINS[dim]]
-                ways[name] = replace(way, skin=best_skin(tried))
+                tried = measure([replace(way, skin=s) for s in SKINS[dim]], 1)
+                ways[name] = replace(way, skin=best_skin(zip(SKINS[dim], tried, strict=True)))
             skin = best_skin((s, lammps.times(box, dt, s, steps, 1, 1)) for s in SKINS[dim])
-            for cores in (1, 2):
+            for cores in every:
                 found: dict[str, list[float]] = {name: [] for name in (*ways, "lammps")}
                 for _ in range(rounds):
                     found["lammps"] += lammps.times(box, dt, skin, steps, BLOCKS, cores)
-                    for name, way in ways.items():
-                        found[name] += replace(way, cores=cores).times(BLOCKS)
+                    mine = measure([replace(w, cores=cores) for w in ways.values()], BLOCKS)
+                    for name, seconds in zip(ways, mine, strict=True):
+                        found[name] += seconds
                 for name, way in ways.items():
                     yield {
                         "dimensions": dim,
@@ -300,6 +322,7 @@ def speed_rows(lammps: Lammps, rounds: int) -> Iterator[dict[str, Any]]:
                         "support": bench.SUPPORT[dim],
                         "noise": noise,
                         "density": way.density,
+                        "density_diffusion": way.flow_diffusion,
                         "part_of_automatic_step": way.part,
                         "cores": cores,
                         "skin": way.skin,
@@ -361,7 +384,7 @@ def report_speed(row: dict[str, Any]) -> None:
     """One line of the speed table."""
     noise = "noise" if row["noise"] else "no noise"
     print(
-        f"{row['dimensions']}D {noise:<8} {row['density']:<10} "
+        f"{row['dimensions']}D {noise:<8} {row['density']:<10} δ {row['density_diffusion']:.1f} "
         f"dt × {row['part_of_automatic_step']:<4} {row['cores']} cores: "
         f"{row['ms_per_step']:7.2f} ms (skin {row['skin']:.2f} h), LAMMPS "
         f"{row['lammps_ms_per_step']:7.2f} ms (skin {row['lammps_skin']:.2f} h): "
@@ -387,21 +410,33 @@ def report_temperature(row: dict[str, Any]) -> None:
 @click.option("--rounds", default=4, show_default=True, help="Processes of each code and flow.")
 @click.option("--json", "json_file", type=click.Path(path_type=Path), help="Where to write rows.")
 @click.option("--only", type=click.Choice(["speed", "equipartition"]), help="One part only.")
+@click.option("--dim", "dims", multiple=True, type=click.IntRange(2, 3), help="Both by default.")
+@click.option("--cores", multiple=True, type=click.IntRange(1), help="1 and 2 by default.")
 @click.option("--ours", hidden=True, help="Measure ours in this process: internal.")
 def main(
-    environment: Path | None, rounds: int, json_file: Path | None, only: str | None, ours: str
+    environment: Path | None,
+    rounds: int,
+    json_file: Path | None,
+    only: str | None,
+    ours: str,
+    dims: tuple[int, ...],
+    cores: tuple[int, ...],
 ) -> None:
     """Print ratios of times per step to LAMMPS in ENVIRONMENT, and both temperatures."""
     if ours:
-        way, blocks = json.loads(ours)
-        print(json.dumps(Ours(**way).times_here(blocks)))
+        ways, blocks = json.loads(ours)
+        print(json.dumps([Ours(**way).times_here(blocks) for way in ways]))
         return
     if environment is None:
         raise click.UsageError("a virtual environment with lammps and mpich is needed")
     lammps = Lammps(environment.resolve())
     result: dict[str, Any] = {"lammps": lammps.version, "speed": [], "equipartition": []}
     parts: list[tuple[str, Callable[[], Iterator], Callable[[dict], None]]] = [
-        ("speed", lambda: speed_rows(lammps, rounds), report_speed),
+        (
+            "speed",
+            lambda: speed_rows(lammps, rounds, dims or (2, 3), cores or (1, 2)),
+            report_speed,
+        ),
         ("equipartition", lambda: equipartition_rows(lammps, (1.0, 0.25)), report_temperature),
     ]
     for name, rows, report in parts:

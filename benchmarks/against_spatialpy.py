@@ -123,13 +123,13 @@ def simulation_of(model: Model, seed: int) -> Simulation:
     return simulation
 
 
-def ours(model: Model) -> dict[str, Any]:
+def ours(model: Model, first_seed: int = 1) -> dict[str, Any]:
     """What Particell finds, in the form of :func:`theirs`."""
     simulation_of(model, 99).advance(2)  # compile
     found: dict[str, Any] = {"seconds": []}
     for seed in range(model.repeats):
         begin = time.process_time()
-        simulation = simulation_of(model, 1 + seed)
+        simulation = simulation_of(model, first_seed + seed)
         run = simulation.run(model.every * model.frames, model.every, progress=False)
         found["seconds"].append(time.process_time() - begin)
     found["x"] = run.field("position")[0][:, 0].tolist()
@@ -147,22 +147,26 @@ def ours(model: Model) -> dict[str, Any]:
 # --- models and what is known of them ----------------------------------------------------------
 
 
-def annihilation(concentrations: bool, molecules: bool, repeats: int) -> Model:
-    """A + B → ∅, A mostly on one side and B on the other; a particle's volume is 1 in both."""
-    n, k, d = 33, 0.1, 10.0
-    both = {"A": (d, 100.0, 0.9), "B": (d, 100.0, -0.9)}
-    reactions: list[Any] = [({"A": 1, "B": 1}, {}, k)]
+def timed(reaction: bool, kind: str, number: int, repeats: int) -> Model:
+    """Diffusion, or A + B → ∅ with A mostly on one side and B on the other.
+
+    ``number`` molecules of each in a particle at first (mean); a particle's volume is 1 in both
+    codes, since SpatialPy starts concentrations with the numbers of molecules whatever it is.
+    """
+    n, d = 33, 10.0
+    species = {"A": (d, float(number), 0.9), "B": (d, float(number), -0.9)}
+    reactions: list[Any] = [({"A": 1, "B": 1}, {}, 10.0 / number)] if reaction else []
     return Model(
-        "annihilation",
+        "annihilation" if reaction else "diffusion",
         n,
         float(n),
-        both,
+        species,
         reactions,
-        0.1,
-        5,
-        5e-3,
-        concentrations=concentrations,
-        molecules=molecules,
+        every=0.1,
+        frames=5,
+        dt=5e-3,
+        concentrations=kind != "molecules",
+        molecules=kind != "concentrations",
         repeats=repeats,
     )
 
@@ -210,22 +214,20 @@ def result_rows(python: str) -> list[dict[str, Any]]:
         swap = Model("isomerisation", 11, 11.0, species, both, 0.1, 100, 0.01)
         question = f"A <-> B, equal rates, D = {d:g}: share of B"
         ask(swap, {question: (partial(share_of_b, model=swap), 0.5)})
-    for dim, n in ((1, 64), (2, 33)):
+    for dim, n, number in ((1, 32, 2000), (2, 17, 500)):
         wave_number = np.pi / n
         every = 0.5 / 20 / wave_number**2
         steps = int(np.ceil(every / 0.1))
-        a = {"A": (1.0, 10_000.0 if dim == 1 else 1000.0, 0.5)}
+        a = {"A": (1.0, float(number), 0.5)}
         model = Model("diffusion", n, n - 1.0, a, [], every, 20, every / steps, dim)
-        ask(
-            model,
-            {
-                f"effective over given diffusivity, {dim}D, {kind}": (
-                    partial(diffusivity, model=model, name=f"A {kind}"),
-                    1.0,
-                )
-                for kind in ("concentrations", "molecules")
-            },
-        )
+        for kind in ("concentrations", "molecules"):
+            answer = partial(diffusivity, model=model, name=f"A {kind}")
+            # how much of a difference is chance: from other seeds of ours
+            others = [answer(ours(model, seed)) for seed in range(101, 109)]
+            question = f"effective over given diffusivity, {dim}D, {kind}"
+            if kind == "molecules":
+                question += f" (chance: ± {np.std(others, ddof=1):.2f})"
+            ask(model, {question: (answer, 1.0)})
     birth: list[Any] = [({}, {"A": 1}, 10.0), ({"A": 1}, {}, 1.0)]
     ask(
         Model("birth-death", 11, 11.0, {"A": (0.0, 0.0, 0.0)}, birth, 0.5, 20, 0.01),
@@ -262,23 +264,35 @@ def result_rows(python: str) -> list[dict[str, Any]]:
     return rows
 
 
+#: What is timed: with a reaction, species as what, molecules of each in a particle.
+TIMED = (
+    (False, "concentrations", 100),
+    (False, "molecules", 100),
+    (False, "molecules", 1000),
+    (True, "concentrations", 100),
+    (True, "molecules", 100),
+    (True, "molecules", 1000),
+    (True, "both", 100),
+)
+
+
 def speed_rows(python: str, repeats: int) -> list[dict[str, Any]]:
-    """Times of the annihilation."""
+    """Times of whole runs."""
     rows = []
-    kinds = {"concentrations": (True, False), "molecules": (False, True), "both": (True, True)}
-    for name, (concentrations, molecules) in kinds.items():
-        model = annihilation(concentrations, molecules, repeats)
-        first, second = ours(model), theirs(python, model)
-        again = ours(model)
+    for reaction, kind, number in TIMED:
+        model = timed(reaction, kind, number, repeats)
+        first, second, again = ours(model), theirs(python, model), ours(model)
         mine = min(first["seconds"] + again["seconds"])
         row = {
-            "model": "annihilation",
-            "species as": name,
+            "model": model.name,
+            "species as": kind,
+            "number": number,
             "particles": model.n**2,
             "steps": round(model.every * model.frames / model.dt),
             "seconds": mine,
             "spatialpy_seconds": min(second["seconds"]),
             "ratio": min(second["seconds"]) / mine,
+            "jumps": first["jumps"],
             "spatialpy_build_seconds": second["build"],
             "spatialpy": second["version"],
         }
@@ -288,8 +302,9 @@ def speed_rows(python: str, repeats: int) -> list[dict[str, Any]]:
                 row[f"spatialpy {key} left"] = mean(second, key, model.frames)
         rows.append(row)
         print(
-            f"annihilation, {name}: {mine:.3f} s, SpatialPy {row['spatialpy_seconds']:.3f} s "
-            f"(and {second['build']:.1f} s of building): {row['ratio']:.1f} times",
+            f"{model.name}, {kind}, {number} a particle: {mine:.3f} s, SpatialPy "
+            f"{row['spatialpy_seconds']:.3f} s (and {second['build']:.1f} s of building): "
+            f"{row['ratio']:.1f} times",
             flush=True,
         )
     return rows
@@ -297,12 +312,17 @@ def speed_rows(python: str, repeats: int) -> list[dict[str, Any]]:
 
 @click.command()
 @click.argument("python", type=click.Path(exists=True, dir_okay=False))
-@click.option("--repeats", default=3, show_default=True, help="Timed runs of each model.")
+@click.option("--only", type=click.Choice(["speed", "results"]), help="One part only.")
+@click.option("--repeats", default=2, show_default=True, help="Timed runs of each model.")
 @click.option("--json", "json_file", type=click.Path(path_type=Path), help="Where to write rows.")
-def main(python: str, repeats: int, json_file: Path | None) -> None:
+def main(python: str, only: str | None, repeats: int, json_file: Path | None) -> None:
     """Print ratios of run times to SpatialPy, run by PYTHON, and results of both."""
     set_threads(1)
-    found = {"speed": speed_rows(python, repeats), "results": result_rows(python)}
+    found = {}
+    if only != "results":
+        found["speed"] = speed_rows(python, repeats)
+    if only != "speed":
+        found["results"] = result_rows(python)
     if json_file is not None:
         json_file.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
 

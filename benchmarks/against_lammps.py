@@ -292,11 +292,11 @@ def best_skin(times: Iterable[tuple[float, list[float]]]) -> float:
 
 
 def speed_rows(
-    lammps: Lammps, rounds: int, dims: Iterable[int], every: Iterable[int]
+    lammps: Lammps, rounds: int, dims: Iterable[int], noises: Iterable[bool], every: Iterable[int]
 ) -> Iterator[dict[str, Any]]:
     """One row for each flow, number of cores and way of our density."""
     for dim in dims:
-        for noise in (False, True):
+        for noise in noises:
             box, dt = flow_box(dim, noise)
             steps, dt = STEPS[dim][noise], PART * dt
             ways = {"as it is": Ours(dim, noise), "own step": Ours(dim, noise, part=1.0)}
@@ -412,6 +412,7 @@ def report_temperature(row: dict[str, Any]) -> None:
 @click.option("--only", type=click.Choice(["speed", "equipartition"]), help="One part only.")
 @click.option("--dim", "dims", multiple=True, type=click.IntRange(2, 3), help="Both by default.")
 @click.option("--cores", multiple=True, type=click.IntRange(1), help="1 and 2 by default.")
+@click.option("--noise/--no-noise", default=None, help="Both by default.")
 @click.option("--ours", hidden=True, help="Measure ours in this process: internal.")
 def main(
     environment: Path | None,
@@ -421,6 +422,7 @@ def main(
     ours: str,
     dims: tuple[int, ...],
     cores: tuple[int, ...],
+    noise: bool | None,
 ) -> None:
     """Print ratios of times per step to LAMMPS in ENVIRONMENT, and both temperatures."""
     if ours:
@@ -430,11 +432,12 @@ def main(
     if environment is None:
         raise click.UsageError("a virtual environment with lammps and mpich is needed")
     lammps = Lammps(environment.resolve())
+    noises = (False, True) if noise is None else (noise,)
     result: dict[str, Any] = {"lammps": lammps.version, "speed": [], "equipartition": []}
     parts: list[tuple[str, Callable[[], Iterator], Callable[[dict], None]]] = [
         (
             "speed",
-            lambda: speed_rows(lammps, rounds, dims or (2, 3), cores or (1, 2)),
+            lambda: speed_rows(lammps, rounds, dims or (2, 3), noises, cores or (1, 2)),
             report_speed,
         ),
         ("equipartition", lambda: equipartition_rows(lammps, (1.0, 0.25)), report_temperature),

@@ -24,6 +24,7 @@ The LAMMPS input is written from its manual (``pair_style``, ``fix sph``, ``comm
 from __future__ import annotations
 
 import json
+import math
 import os
 import re
 import statistics
@@ -169,7 +170,9 @@ class Lammps:
         busy = [float(s) / 100 for s in re.findall(r"(\S+)% CPU use", printed)]
         assert len(seconds) == len(busy) == blocks + 1
         if cores == 1:
-            seconds = [wall * part for wall, part in zip(seconds, busy, strict=True)]
+            # the share has one decimal: of little use where the process hardly got a turn
+            pairs = list(zip(seconds, busy, strict=True))[1:]
+            return [wall * part / steps for wall, part in pairs if part > 0.1] or [math.inf]
         return [s / steps for s in seconds[1:]]
 
     def temperatures(self, box: Box, dt: float, every: int, frames: int) -> np.ndarray | None:

@@ -49,13 +49,13 @@ from particell.phases import fluid
 from particell.schemes.sdpd import SDPD
 from particell.simulation import Simulation
 
-SKINS = {2: (0.05, 0.1, 0.2), 3: (0.05, 0.1, 0.2)}
+SKINS = (0.05, 0.1, 0.2)
 #: Time step of both codes in units of our automatic one: LAMMPS is unstable at half of it.
 PART = 0.25
 #: Steps of a block without and with noise, and blocks of a process.
 STEPS, BLOCKS = {2: (60, 40), 3: (20, 10)}, 2
 #: Fluids at rest: particles along an edge, support in spacings, frames.
-EDGE, SUPPORT, FRAMES = 24, 3.0, 400
+EDGE, SUPPORT, FRAMES = 24, 3.0, 120
 DISCARDED = 0.2
 
 
@@ -295,9 +295,15 @@ def best_skin(times: Iterable[tuple[float, list[float]]]) -> float:
 
 
 def speed_rows(
-    lammps: Lammps, rounds: int, dims: Iterable[int], noises: Iterable[bool], every: Iterable[int]
+    lammps: Lammps,
+    rounds: int,
+    dims: Iterable[int],
+    noises: Iterable[bool],
+    every: Iterable[int],
+    skins: tuple[float, ...],
 ) -> Iterator[dict[str, Any]]:
     """One row for each flow, number of cores and way of our density."""
+    several = len(skins) > 1
     for dim in dims:
         for noise in noises:
             box, dt = flow_box(dim, noise)
@@ -308,9 +314,11 @@ def speed_rows(
             else:
                 ways["no diffusion"] = Ours(dim, noise, diffusion=0.0)
             for name, way in ways.items():
-                tried = measure([replace(way, skin=s) for s in SKINS[dim]], 1)
-                ways[name] = replace(way, skin=best_skin(zip(SKINS[dim], tried, strict=True)))
-            skin = best_skin((s, lammps.times(box, dt, s, steps, 1, 1)) for s in SKINS[dim])
+                tried = measure([replace(way, skin=s) for s in skins], 1) if several else [[0.0]]
+                ways[name] = replace(way, skin=best_skin(zip(skins, tried, strict=True)))
+            skin = best_skin(
+                (s, lammps.times(box, dt, s, steps, 1, 1) if several else [0.0]) for s in skins
+            )
             for cores in every:
                 found: dict[str, list[float]] = {name: [] for name in (*ways, "lammps")}
                 for _ in range(rounds):
@@ -416,6 +424,7 @@ def report_temperature(row: dict[str, Any]) -> None:
 @click.option("--dim", "dims", multiple=True, type=click.IntRange(2, 3), help="Both by default.")
 @click.option("--cores", multiple=True, type=click.IntRange(1), help="1 and 2 by default.")
 @click.option("--noise/--no-noise", default=None, help="Both by default.")
+@click.option("--skin", "skins", multiple=True, type=float, help="To try, in supports.")
 @click.option("--ours", hidden=True, help="Measure ours in this process: internal.")
 def main(
     environment: Path | None,
@@ -426,6 +435,7 @@ def main(
     dims: tuple[int, ...],
     cores: tuple[int, ...],
     noise: bool | None,
+    skins: tuple[float, ...],
 ) -> None:
     """Print ratios of times per step to LAMMPS in ENVIRONMENT, and both temperatures."""
     if ours:
@@ -440,7 +450,9 @@ def main(
     parts: list[tuple[str, Callable[[], Iterator], Callable[[dict], None]]] = [
         (
             "speed",
-            lambda: speed_rows(lammps, rounds, dims or (2, 3), noises, cores or (1, 2)),
+            lambda: speed_rows(
+                lammps, rounds, dims or (2, 3), noises, cores or (1, 2), skins or SKINS
+            ),
             report_speed,
         ),
         ("equipartition", lambda: equipartition_rows(lammps, (1.0, 0.25)), report_temperature),

@@ -271,7 +271,6 @@ TIMED = (
     (True, "molecules", 100),
     (True, "concentrations", 100),
     (False, "molecules", 1000),
-    (False, "concentrations", 100),
 )
 
 

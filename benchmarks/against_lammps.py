@@ -425,6 +425,7 @@ def report_temperature(row: dict[str, Any]) -> None:
 @click.option("--cores", multiple=True, type=click.IntRange(1), help="1 and 2 by default.")
 @click.option("--noise/--no-noise", default=None, help="Both by default.")
 @click.option("--skin", "skins", multiple=True, type=float, help="To try, in supports.")
+@click.option("--part", "parts_of_step", multiple=True, type=float, help="Steps of equipartition.")
 @click.option("--ours", hidden=True, help="Measure ours in this process: internal.")
 def main(
     environment: Path | None,
@@ -436,6 +437,7 @@ def main(
     cores: tuple[int, ...],
     noise: bool | None,
     skins: tuple[float, ...],
+    parts_of_step: tuple[float, ...],
 ) -> None:
     """Print ratios of times per step to LAMMPS in ENVIRONMENT, and both temperatures."""
     if ours:
@@ -455,7 +457,11 @@ def main(
             ),
             report_speed,
         ),
-        ("equipartition", lambda: equipartition_rows(lammps, (1.0, 0.25)), report_temperature),
+        (
+            "equipartition",
+            lambda: equipartition_rows(lammps, parts_of_step or (1.0, 0.25)),
+            report_temperature,
+        ),
     ]
     for name, rows, report in parts:
         for row in rows() if only in (None, name) else ():

@@ -6,7 +6,7 @@ import pytest
 
 from particell.compute import loop as module
 from particell.compute.device import Device
-from particell.compute.loop import particle_loop, set_threads, suitable_threads
+from particell.compute.loop import FASTMATH, particle_loop, set_threads, suitable_threads
 from particell.compute.reduce import Reduction
 from particell.errors import InputError
 
@@ -132,3 +132,22 @@ def test_device_arrays_are_copies():
     assert device.zeros(3).dtype == np.float32
     device.write(array, np.ones(4))
     assert device.to_host(array).tolist() == [1, 1, 1, 1]
+
+
+@numba.njit
+def doubled(x):
+    return 2.0 * x
+
+
+@particle_loop(vectorise=True)
+def twice_the_sum(i, x, total):
+    for k in range(len(x)):
+        total[i] += doubled(x[k])
+
+
+def test_helpers_do_not_inherit_the_options_of_a_vectorised_loop():
+    """Else results would depend on which loop was compiled first in the process."""
+    total = np.zeros(4)
+    twice_the_sum.specialise()(4, np.ones(4), total)
+    assert total == pytest.approx(np.full(4, 8.0))
+    assert doubled.targetoptions["fastmath"] == FASTMATH

@@ -29,6 +29,7 @@ from typing import Any, overload
 
 import numba
 from numba import njit, prange
+from numba.core import event
 
 from particell.compute.cache import NUMBA_CONFIG, compiled_here
 from particell.compute.simulator import for_simulator, simulating
@@ -186,16 +187,49 @@ def _cpu_loop(loop: Loop, constants: dict[str, Any]) -> Callable[..., None]:
     return _timed_first_call(compiled, loop.vectorise)
 
 
+def _switch_vectorisers(on: bool) -> None:
+    config: Any = numba.config
+    config.LOOP_VECTORIZE = config.SLP_VECTORIZE = int(on)
+
+
 @contextmanager
-def vectorisers(on: bool) -> Iterator[None]:
-    """Switch LLVM's vectorisers; off, gathers are avoided and compiling is faster."""
+def vectorisers(on: bool, compiled: Any = None) -> Iterator[None]:
+    """Switch LLVM's vectorisers; off, gathers are avoided and compiling is faster.
+
+    On, they are so for the loop ``compiled`` alone: the helper functions that are compiled on the
+    way get what they get for any other loop, so that results do not depend on who comes first.
+    """
     config: Any = numba.config
     before = config.LOOP_VECTORIZE, config.SLP_VECTORIZE
-    config.LOOP_VECTORIZE = config.SLP_VECTORIZE = int(on)
+    _switch_vectorisers(on)
     try:
-        yield
+        if on:
+            with event.install_listener("numba:compile", _PlainHelpers(compiled)):
+                yield
+        else:
+            yield
     finally:
         config.LOOP_VECTORIZE, config.SLP_VECTORIZE = before
+
+
+class _PlainHelpers(event.Listener):
+    """While a vectorised loop is compiled: its helpers without vectorisers and re-association.
+
+    A helper without options of its own would inherit those of the first loop that calls it.
+    """
+
+    def __init__(self, loop: Any):
+        self.loop = loop
+
+    def on_start(self, happened: event.Event) -> None:
+        helper = happened.data["dispatcher"]
+        if helper is not self.loop:
+            helper.targetoptions.setdefault("fastmath", FASTMATH)
+            _switch_vectorisers(False)
+
+    def on_end(self, happened: event.Event) -> None:
+        if happened.data["dispatcher"] is not self.loop:
+            _switch_vectorisers(True)
 
 
 def _timed_first_call(compiled: Callable[..., None], vectorise: bool) -> Callable[..., None]:
@@ -209,7 +243,7 @@ def _timed_first_call(compiled: Callable[..., None], vectorise: bool) -> Callabl
             return
         fresh = False
         begin = time.perf_counter()
-        with vectorisers(vectorise):
+        with vectorisers(vectorise, compiled):
             compiled(*args)
         CompileLog.seconds += time.perf_counter() - begin
         CompileLog.loops += 1

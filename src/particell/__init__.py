@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from particell.phases import Phase, box_walls, channel_walls, fluid
     from particell.schemes.sdpd import SDPD
     from particell.schemes.static import Static
+    from particell.schemes.transport_velocity import TransportVelocity
     from particell.simulation import Simulation
 
 _HOME = {
@@ -70,6 +71,7 @@ _HOME = {
     "Sponge": "boundaries.sponge",
     "Static": "schemes.static",
     "SteadyState": "observers",
+    "TransportVelocity": "schemes.transport_velocity",
     "box_walls": "phases",
     "channel_walls": "phases",
     "export_vtkhdf": "output.export",
@@ -111,6 +113,7 @@ __all__ = [
     "Sponge",
     "Static",
     "SteadyState",
+    "TransportVelocity",
     "box_walls",
     "channel_walls",
     "export_vtkhdf",

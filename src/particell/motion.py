@@ -92,11 +92,25 @@ class Constraints:
                 target = particles[f"sponge_{name}_{k}"]
                 chemistry.relax(name, particles["sponge_share"], target, step)
 
-    def count(self) -> int:
-        """How often particles were reflected."""
-        if not self.surfaces:
-            return 0
-        return int(self.simulation.particles.host("reflections").sum())
+    def counts(self) -> dict[str, float]:
+        """How often particles were reflected or bounced back by walls, and how many are in these.
+
+        Inside is beyond the surface where a wall has one.
+        """
+        particles = self.simulation.particles
+        found = {"reflections": 0.0}
+        if self.surfaces:
+            found["reflections"] = float(particles.host("reflections").sum())
+        if "bounces" in particles:
+            mobile = particles.host("is_wall") == 0
+            x = np.array(particles.host("x")[mobile], dtype=float)
+            inside = np.zeros(len(x), dtype=bool)
+            for phase in self.simulation.phases:
+                if phase.kind == "wall" and phase.surface is not None:
+                    inside |= phase.surface.signed_distance(x) < 0
+            found["bounces"] = float(particles.host("bounces").sum())
+            found["inside walls"] = float(inside.sum())
+        return found
 
     def _bind(self) -> None:
         """Look up the loops' arrays; they stay the same as long as the simulation lives."""

@@ -29,12 +29,10 @@ from particell.laws.buoyancy import Buoyancy
 from particell.motion import Constraints, Forces, Monitor
 from particell.phases import Phase
 from particell.restart import restore, state_of
-from particell.schemes.sdpd import SDPD
-from particell.schemes.sdpd_solver import SDPDSolver
-from particell.schemes.static import Static
+from particell.schemes.static import Static, StaticSolver
 from particell.schemes.timestep import step_limits
 from particell.setup import build_materials, build_neighbours, build_particles, lattice_sum
-from particell.speeds import default_sound_speed, initial_speed
+from particell.speeds import Scheme, default_sound_speed, initial_speed
 
 if TYPE_CHECKING:
     from particell.observers import Stop
@@ -57,8 +55,9 @@ class Simulation:
     phases
         What is in it.
     scheme
-        :class:`~particell.schemes.sdpd.SDPD`, or :class:`~particell.schemes.static.Static` for
-        particles at rest.
+        :class:`~particell.schemes.sdpd.SDPD`,
+        :class:`~particell.schemes.transport_velocity.TransportVelocity`, or
+        :class:`~particell.schemes.static.Static` for particles at rest.
     species, reactions
         What the particles carry.
     boundaries
@@ -94,7 +93,7 @@ class Simulation:
         self,
         domain: Domain,
         phases: Sequence[Phase] | Phase,
-        scheme: SDPD | Static,
+        scheme: Scheme,
         species: Sequence[Species] = (),
         reactions: Sequence[Reaction] = (),
         boundaries: Sequence[Boundary] = (),
@@ -145,7 +144,7 @@ class Simulation:
             raise InputError("reactions", list(reactions), "empty without species")
         self._books = any(getattr(b, "values", getattr(b, "species", None)) for b in boundaries)
         self.constraints = Constraints(self, boundaries)
-        if isinstance(self.solver, SDPDSolver):
+        if not isinstance(self.solver, StaticSolver):
             self.solver.after_drift = self.constraints.reflect  # type: ignore[method-assign]
             acting = Forces(self, forces)
             self.solver.after_forces = acting.apply  # type: ignore[method-assign]
@@ -172,7 +171,7 @@ class Simulation:
         if self.static:
             limits = self.chemistry.limits() if self.chemistry else {}
             return min(limits.values(), default=1.0)
-        assert isinstance(self.scheme, SDPD)
+        assert not isinstance(self.scheme, Static)
         h = float(self.particles.host("support").min())
         gravity = float(np.linalg.norm(self.scheme.gravity or 0.0))
         steps = [
@@ -338,7 +337,7 @@ class Simulation:
 
         Momentum (which walls, gravity and sponges change too) relative to Σ m|v|; sums of amounts
         that no reaction changes, net of booked boundary flux, relative to the amounts; molecules
-        as whole numbers.
+        as whole numbers. Also how often walls turned particles back, and how many are inside.
         """
         return snapshot.drift_since(self, self._first_momentum, self._first_totals)
 

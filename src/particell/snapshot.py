@@ -85,8 +85,7 @@ def drift_since(
     if simulation.chemistry:
         for name, (value, size) in conserved_totals(simulation.chemistry).items():
             drift[f"amount {name}"] = float((value - totals[name]) / size)
-    drift["reflections"] = float(simulation.constraints.count())
-    return drift
+    return drift | simulation.constraints.counts()
 
 
 def performance_of(

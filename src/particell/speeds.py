@@ -13,15 +13,19 @@ from particell.phases import Phase
 from particell.schemes.sdpd import SDPD
 from particell.schemes.static import Static
 from particell.schemes.timestep import sound_speed_by_rule
+from particell.schemes.transport_velocity import TransportVelocity
+
+#: What a simulation can be moved by.
+Scheme = SDPD | TransportVelocity | Static
 
 
-def initial_speed(phases: Sequence[Phase], scheme: SDPD | Static, depth_factor: float) -> float:
+def initial_speed(phases: Sequence[Phase], scheme: Scheme, depth_factor: float) -> float:
     """Largest initial or expected speed in m/s; with noise, the thermal one of a particle added."""
     fastest = max(
         (float(np.linalg.norm(p.velocities(), axis=1).max(initial=0.0)) for p in phases),
         default=0.0,
     )
-    if isinstance(scheme, SDPD):
+    if not isinstance(scheme, Static):
         fastest = max(fastest, scheme.reference_speed)
         if scheme.fluctuations:
             fastest += thermal_speed(phases, depth_factor)
@@ -43,7 +47,7 @@ def _smallest_mass(phase: Phase, depth_factor: float) -> float:
 
 
 def default_sound_speed(
-    domain: Domain, phases: Sequence[Phase], scheme: SDPD | Static, speed: float
+    domain: Domain, phases: Sequence[Phase], scheme: Scheme, speed: float
 ) -> float | None:
     """The sound speed by rule in m/s; None where every material has one of its own.
 

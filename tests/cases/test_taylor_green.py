@@ -31,6 +31,21 @@ def test_a_square_lattice_melts_and_the_metrics_say_so():
     assert not metrics["decay_rate_error"].passed
 
 
+@pytest.mark.parametrize(
+    ("arrangement", "rate", "speed"), [("square", 0.09, 0.08), ("packed", 0.01, 0.02)]
+)
+def test_a_transport_velocity_bears_a_square_lattice(arrangement, rate, speed):
+    """Where plain SPH loses most of the energy (above); 32² is coarser than the case's 50²."""
+    case, _, metrics = result(
+        resolution=32, end=0.5, scheme="transport-velocity", arrangement=arrangement
+    )
+    assert abs(metrics["decay_rate_error"].value) < rate
+    assert abs(metrics["largest_speed_error"].value) < speed
+    assert metrics["density_drift"].passed
+    assert not case.conserves_momentum
+    assert metrics["momentum_drift"].value < 5e-3
+
+
 def test_figures_are_drawn(short, tmp_path):
     case, run, _ = short
     assert all(path.stat().st_size > 0 for path in case.figures(run, tmp_path))

@@ -58,7 +58,7 @@ CASES: dict[str, tuple[str, str]] = {
     ),
     "taylor-green": (
         "particell.cases.taylor_green:TaylorGreen",
-        "Taylor–Green vortices decaying in a periodic square, with plain SPH",
+        "Taylor–Green vortices decaying in a periodic square",
     ),
     "turing": (
         "particell.cases.turing:Turing",

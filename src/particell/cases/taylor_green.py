@@ -1,4 +1,4 @@
-r"""Taylor–Green vortices in a periodic square, with plain SPH (SDPD without noise).
+r"""Taylor–Green vortices in a periodic square, with plain SPH or with a transport velocity.
 
 .. math::
 
@@ -37,7 +37,27 @@ Rows below the first are from an earlier packing, which let points gather in pai
 the default was 2.7 % off in speed; they show what matters, not the last digit. A background
 pressure keeps particles evenly spread at the price of dissipation; it is zero here, which a weak
 flow far from free surfaces allows. The 2 % do not vanish with resolution at a fixed number of
-neighbours. The papers' 2 % from a *regular* lattice need the transport velocity.
+neighbours.
+
+With a transport velocity
+-------------------------
+``scheme=transport-velocity`` starts from the square lattice, as the papers do. With 50² particles,
+Lucy's kernel with support 2.6 spacings and t = 0 to 1 (rate; largest error of the maximal speed):
+
+==============================================  ======  =======
+square lattice (the default)                    1.029   4.1 %
+packed                                          1.001   0.4 %
+jittered lattice                                1.002   0.6 %
+square, support 3                               1.028   3.4 %
+square, shift of twice the background pressure  1.018   2.5 %
+square, without density filter                  1.029   4.3 %
+square, pressure switch                         1.054   5.7 %
+square, density by the plain divergence         1.27    20 %
+packed, density by the plain divergence         1.01    1.3 %
+==============================================  ======  =======
+
+From the lattice 5 % of the energy is lost between t = 0.1 and 0.3, where the lattice breaks, and
+none after that; from disorder the scheme is right to a few tenths of a per cent.
 
 References
 ----------
@@ -63,6 +83,7 @@ from particell.materials import Fluid
 from particell.output.run import Run
 from particell.phases import Phase
 from particell.schemes.sdpd import SDPD
+from particell.schemes.transport_velocity import TransportVelocity
 from particell.simulation import Simulation
 
 #: Largest relative error of the decay's rate and of the largest speed: see the description.
@@ -73,7 +94,7 @@ class TaylorGreen(Case):
     """Decaying vortices."""
 
     name = "taylor-green"
-    title = "Taylor–Green vortices decaying in a periodic square, with plain SPH"
+    title = "Taylor–Green vortices decaying in a periodic square"
     reference: ClassVar[str] = "exact solution of the Navier-Stokes equations"
     full: ClassVar[dict[str, Any]] = {"resolution": 100, "end": 5.0}
 
@@ -87,18 +108,28 @@ class TaylorGreen(Case):
     """Edge L of the square."""
     density: Annotated[Density, Field(gt=0)] = 1.0
     """Density of the fluid."""
-    arrangement: Literal["packed", "jittered", "square", "hexagonal"] = "packed"
-    """How the particles are placed."""
-    kernel: Literal["lucy", "wendland-c2", "cubic-spline", "quintic-spline"] = "wendland-c2"
-    """The smoothing kernel."""
-    support: Annotated[float, Field(ge=2, le=6)] = 4.0
-    """Its support in particle spacings."""
+    scheme: Literal["sdpd", "transport-velocity"] = "sdpd"
+    """Plain SPH, or SPH with a transport velocity."""
+    arrangement: Literal["packed", "jittered", "square", "hexagonal"] | None = None
+    """How the particles are placed: packed by default, square with a transport velocity."""
+    kernel: Literal["lucy", "wendland-c2", "cubic-spline", "quintic-spline"] | None = None
+    """The smoothing kernel: Wendland's by default, Lucy's with a transport velocity."""
+    support: Annotated[float, Field(ge=2, le=6)] | None = None
+    """Its support in particle spacings: 4 by default, 2.6 with a transport velocity."""
     density_mode: Literal["continuity", "summation"] = "continuity"
     """Whether the density is integrated or summed."""
     density_diffusion: Annotated[float, Field(ge=0, le=0.5)] = 0.1
     """Coefficient δ of the density's diffusion (integrated density only)."""
     integrator: Literal["velocity-verlet", "trapezoidal"] = "velocity-verlet"
     """How time is stepped."""
+    shift: Annotated[float, Field(gt=0, le=2)] = 1.0
+    """Background pressure of the transport velocity in units of ρ c₀²."""
+    momentum_flux: Literal["uniform", "conserving", "none"] = "uniform"
+    """Form of the momentum that crosses between particles (transport velocity)."""
+    pressure_switch: bool = False
+    """Whether pairs that attract repel instead (transport velocity)."""
+    filter_every: Annotated[int, Field(ge=0)] = 20
+    """Steps between density filters, 0 for none (transport velocity)."""
     mach: Annotated[float, Field(gt=0, le=0.3)] = 0.1
     """U over the sound speed c₀."""
     background: Annotated[float, Field(ge=0, le=2)] = 0.0
@@ -121,6 +152,12 @@ class TaylorGreen(Case):
         """−b, the rate at which velocity decays, in 1/s."""
         return 8 * math.pi**2 * self.speed / (self.reynolds * self.length)
 
+    @property
+    def conserves_momentum(self) -> bool:
+        """Whether the scheme exchanges momentum to round-off."""
+        symmetric = self.momentum_flux != "uniform" and not self.pressure_switch
+        return self.scheme == "sdpd" or symmetric
+
     def build(self, context: Context) -> Simulation:
         """The vortices at their first moment."""
         domain = Domain((0, 0), (self.length,) * 2, periodic="xy")
@@ -138,13 +175,7 @@ class TaylorGreen(Case):
         simulation = Simulation(
             domain,
             Phase("fluid", material, points, volume, velocity=self.velocity, spacing=spacing),
-            SDPD(
-                kernel=self.kernel,
-                support=self.support,
-                density=self.density_mode,
-                density_diffusion=self.density_diffusion,
-                integrator=self.integrator,
-            ),
+            self.description(),
             seed=context.seed,
             device=context.device,
         )
@@ -153,9 +184,30 @@ class TaylorGreen(Case):
             simulation.particles.set("density", self.density + pressure / sound_speed**2)
         return simulation
 
+    def description(self) -> SDPD | TransportVelocity:
+        """The scheme."""
+        if self.scheme == "transport-velocity":
+            return TransportVelocity(
+                kernel=self.kernel or "lucy",
+                support=self.support or 2.6,
+                background=self.shift,
+                momentum_flux=self.momentum_flux,
+                pressure_switch=self.pressure_switch,
+                filter_every=self.filter_every,
+            )
+        return SDPD(
+            kernel=self.kernel or "wendland-c2",
+            support=self.support or 4.0,
+            density=self.density_mode,
+            density_diffusion=self.density_diffusion,
+            integrator=self.integrator,
+        )
+
     def points(self, domain: Domain, seed: int) -> np.ndarray:
         """Where the particles are at first."""
-        return arranged(domain, self.length / self.resolution, self.arrangement, seed)
+        regular = "square" if self.scheme == "transport-velocity" else "packed"
+        kind = self.arrangement or regular
+        return arranged(domain, self.length / self.resolution, kind, seed)
 
     def velocity(self, x: np.ndarray) -> np.ndarray:
         """The exact velocity at t = 0, in m/s."""
@@ -187,7 +239,10 @@ class TaylorGreen(Case):
             "velocity_error_end": Metric(self._velocity_error(run)),
             "density_drift": Metric(float(density.mean() / self.density - 1), limit=5e-3),
             "density_deviation": Metric(float(density.std() / self.density)),
-            "momentum_drift": Metric(simulation.conservation()["momentum"], limit=1e-10),
+            "momentum_drift": Metric(
+                simulation.conservation()["momentum"],
+                limit=1e-10 if self.conserves_momentum else None,
+            ),
         }
 
     def _velocity_error(self, run: Run) -> float:

@@ -29,6 +29,7 @@ from particell.laws.continuity import density_diffusion, divergence
 from particell.laws.fluctuations import noise_amplitudes, pair_numbers
 from particell.laws.pressure import pressure_acceleration
 from particell.laws.shifting import crowding
+from particell.laws.transport_velocity import switched_term
 from particell.laws.viscosity import harmonic_mean, pair_friction
 
 TINY = 1e-300
@@ -124,6 +125,7 @@ def rates(
     GAUSSIAN,
     WALLS,
     SHIFT,
+    SWITCH,
 ):
     """Density rate (kg/m³/s) and acceleration (m/s²) of particle i.
 
@@ -179,6 +181,7 @@ def rates(
     while begin < last:
         end = min(last, begin + np.uint64(BATCH))
         c = row
+        fluid_end = row
         for k in range(begin, end):
             j = neighbours[k]
             other = np.uint64(j) * np.uint64(RECORD)
@@ -257,6 +260,8 @@ def rates(
                 near_mixture[put + np.uint64(1)] = harmonic_mean(along_i, along_j) - across_ij
                 near_mixture[put + np.uint64(2)] = harmonic_mean(thermal[g], thermal[gj])
             c += np.uint64(r2 < reach2)
+            if SWITCH:
+                fluid_end = c if k < first_wall else fluid_end
         filled = row + whole_lanes(c - row, BATCH)
         for q in range(c, filled):  # outside the support: without effect
             near[q * width] = 2.0 * hi
@@ -304,7 +309,11 @@ def rates(
                     radial_ij = near_mixture[put + np.uint64(1)]
                     strength = 2.0 * near_mixture[put + np.uint64(2)] * inverse_dt
                 friction = pair_friction(weight, inverse_density)
-                along = pressure_acceleration(mass_j, term_i, term_j, f)
+                if SWITCH:
+                    own_term = switched_term(term_i, term_j) if q < fluid_end else term_i
+                    along = pressure_acceleration(mass_j, own_term, term_j, f)
+                else:
+                    along = pressure_acceleration(mass_j, term_i, term_j, f)
                 across = transverse_ij * friction
                 if RADIAL:
                     inverse_r = 1.0 / (r + TINY)

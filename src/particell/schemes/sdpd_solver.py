@@ -23,6 +23,7 @@ from particell.schemes.sweeps import summed_density, wall_pressure
 
 if TYPE_CHECKING:
     from particell.schemes.sdpd import SDPD
+    from particell.schemes.transport_velocity import TransportVelocity
 
 
 class SDPDSolver:
@@ -47,7 +48,7 @@ class SDPDSolver:
 
     def __init__(
         self,
-        scheme: SDPD,
+        scheme: SDPD | TransportVelocity,
         device: Device,
         domain: Domain,
         particles: Particles,
@@ -61,7 +62,7 @@ class SDPDSolver:
         self.n, self.dim = len(particles), domain.dim
         dim = self.dim
         by_group = [materials[g.material] for g in particles.groups]
-        friction = [friction_coefficients(m.viscosity, m.bulk_viscosity, dim) for m in by_group]
+        friction = [self.friction(m, dim) for m in by_group]
         support = particles.host("support")
         h = float(support.max())
         gravity = np.zeros(dim) if scheme.gravity is None else np.array(scheme.gravity, dtype=float)
@@ -132,6 +133,7 @@ class SDPDSolver:
             "GAUSSIAN": scheme.noise == "gaussian",
             "WALLS": bool(neighbours.constants["WALLS"]),
             "SHIFT": self.shifting,
+            "SWITCH": False,
             "BATCH": batch_size(device),
             "RECORD": RECORD[dim],
             "MATTER": MATTER[dim],
@@ -145,12 +147,20 @@ class SDPDSolver:
         )
         self._bound: object = None
 
+    @staticmethod
+    def friction(material: Fluid, dim: int) -> tuple[float, float]:
+        """Transverse and radial factor of F/(d_i d_j) in the friction of a material."""
+        return friction_coefficients(material.viscosity, material.bulk_viscosity, dim)
+
     def _bind(self) -> None:
         """Look up arrays again where those of the neighbour list are new (grown, restored)."""
         listed = self.neighbours.fields["neighbours"]
         if self._bound is listed:
             return
         self._bound = listed
+        self._bind_loops()
+
+    def _bind_loops(self) -> None:
         fields = {**self.constants, **self.neighbours.fields, **self.particles.fields}
         fields.setdefault("transport", fields["v"])
         if self.shifting:
@@ -164,6 +174,7 @@ class SDPDSolver:
         if self.leapfrog:
             half = {**fields, "density": fields["density_half"]}
             quiet = {**o, "NOISE": False, "SHIFT": False, "MIXED": False, "RADIAL": False}
+            quiet["SWITCH"] = False
             self._density_rates = bind(rates, half, **quiet, DENSITY=True, FORCE=False)
             self._pack_half = bind(pack, half, **record)
             self.predict_density = bind(updates.predict_density, fields)

@@ -1,0 +1,118 @@
+"""Weakly compressible SPH with a transport velocity: particles stay evenly spread.
+
+The description; the solver that it makes is :class:`.TransportVelocitySolver`. Equations are in
+:mod:`particell.laws.transport_velocity` and :mod:`particell.laws.shifting`.
+
+References
+----------
+Adami, Hu & Adams, J. Comput. Phys. 241 (2013) 292; Jacob, "SPH-BVF" (2020), chapter 3.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from particell.compute.device import Device
+from particell.compute.neighbours import NeighbourList
+from particell.errors import InputError
+from particell.geometry.domain import Domain
+from particell.kernels import kernel_code
+from particell.materials import Fluid
+from particell.particles import Particles
+from particell.schemes.timestep import VISCOUS
+from particell.schemes.transport_rates import FORMS
+from particell.schemes.transport_velocity_solver import TransportVelocitySolver
+
+
+@dataclass(frozen=True)
+class TransportVelocity:
+    """Isothermal flow by particles that a transport velocity keeps evenly spread.
+
+    Parameters
+    ----------
+    kernel
+        ``"lucy"``, ``"wendland-c2"``, ``"cubic-spline"`` or ``"quintic-spline"``.
+    support
+        Support of the kernel in particle spacings. At 2.6 with Lucy's kernel the shift returns
+        every mode of a square, hexagonal and cubic lattice to its sites; at 3 it does not.
+    background
+        P_b of the shift in units of ρ₀c₀². It moves particles only and is no pressure.
+    momentum_flux
+        ``"uniform"``, ``"conserving"`` or ``"none"``: the momentum that crosses between particles
+        with the shift, in the form that keeps uniform velocities uniform or in the one that
+        conserves momentum.
+    renormalise
+        Integrate the density with the first-order consistent gradient, exact for linear fields on
+        any arrangement. Without it the density follows the arrangement: where a flow strains a
+        lattice, pressures of the size of ρU² arise and take its energy.
+    pressure_switch
+        Let pairs of fluid particles that attract each other repel instead, against cavitation; it
+        does not conserve momentum.
+    filter_every
+        Steps between two applications of the density filter; 0 switches it off.
+    impenetrable
+        Bounce particles back that have reached a wall's surface, by the boundary volume fraction
+        (:mod:`particell.boundaries.volume_fraction`).
+    gravity, reference_speed, pressure_drop, skin
+        As for :class:`~particell.schemes.sdpd.SDPD`.
+
+    Raises
+    ------
+    InputError
+        Where a value is not allowed.
+    """
+
+    kernel: str = "lucy"
+    support: float = 2.6
+    background: float = 1.0
+    momentum_flux: str = "uniform"
+    renormalise: bool = True
+    pressure_switch: bool = False
+    filter_every: int = 20
+    impenetrable: bool = True
+    gravity: tuple[float, ...] | None = None
+    reference_speed: float = 0.0
+    pressure_drop: float = 0.0
+    skin: float = 0.1
+
+    # what it has in common with SDPD, whose loops it uses
+    density: ClassVar[str] = "continuity"
+    integrator: ClassVar[str] = "velocity-verlet"
+    noise: ClassVar[str] = "bounded"
+    fluctuations: ClassVar[bool] = False
+    delta: ClassVar[float] = 0.0
+    viscous_factor: ClassVar[float] = VISCOUS
+
+    def __post_init__(self) -> None:
+        kernel_code(self.kernel)
+        if not 1.2 <= self.support <= 10:
+            raise InputError("support", self.support, "between 1.2 and 10 particle spacings")
+        if not 0 < self.background <= 2:
+            raise InputError("background", self.background, "above 0 and at most 2")
+        if self.momentum_flux not in FORMS:
+            raise InputError("momentum_flux", self.momentum_flux, f"one of {', '.join(FORMS)}")
+        if not (isinstance(self.filter_every, int) and self.filter_every >= 0):
+            raise InputError("filter_every", self.filter_every, "a whole number, zero or more")
+        if not 0 < self.skin <= 1:
+            raise InputError("skin", self.skin, "between 0 and 1 supports")
+
+    @property
+    def shifting(self) -> float:
+        """P_b in units of ρ₀c₀², by the name that SDPD has for it."""
+        return self.background
+
+    def solver(
+        self,
+        device: Device,
+        domain: Domain,
+        particles: Particles,
+        neighbours: NeighbourList,
+        materials: list[Fluid],
+        seed: int,
+        depth_factor: float,
+    ) -> TransportVelocitySolver:
+        """The compiled form of this scheme for a set of particles."""
+        return TransportVelocitySolver(
+            self, device, domain, particles, neighbours, materials, seed, depth_factor
+        )

@@ -1,0 +1,127 @@
+"""The compiled form of the transport-velocity scheme: what it does otherwise than SDPD."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from particell.boundaries.volume_fraction import bounce_back
+from particell.compute.device import Device
+from particell.compute.neighbours import NeighbourList
+from particell.errors import InputError
+from particell.geometry.domain import Domain
+from particell.materials import Fluid
+from particell.particles import Particles
+from particell.schemes import updates
+from particell.schemes.rates import RECORD
+from particell.schemes.sdpd_solver import SDPDSolver
+from particell.schemes.transport_rates import (
+    FORMS,
+    filtered_density,
+    flux_fields,
+    flux_rates,
+    pack_flux,
+)
+
+if TYPE_CHECKING:
+    from particell.schemes.transport_velocity import TransportVelocity
+
+
+class TransportVelocitySolver(SDPDSolver):
+    """Steps a set of particles by the transport-velocity scheme.
+
+    Forces, list and walls are those of :class:`.SDPDSolver` without noise and density diffusion,
+    with the viscosity of Morris, Fox & Zhu (J. Comput. Phys. 136 (1997) 214): 2η F/(d_i d_j) v_ij.
+    Parameters as there.
+    """
+
+    scheme: TransportVelocity  # type: ignore[assignment]
+
+    def __init__(
+        self,
+        scheme: TransportVelocity,
+        device: Device,
+        domain: Domain,
+        particles: Particles,
+        neighbours: NeighbourList,
+        materials: list[Fluid],
+        seed: int,
+        depth_factor: float,
+    ):
+        super().__init__(
+            scheme, device, domain, particles, neighbours, materials, seed, depth_factor
+        )
+        particles.add("flux", self.dim)
+        o = self.options
+        self.impenetrable = scheme.impenetrable and o["WALLS"]
+        if self.impenetrable:
+            particles.add("wall_fraction")
+            particles.add("wall_direction", self.dim)
+            particles.add("wall_speed", self.dim)
+            particles.add("bounces", dtype=np.int64)
+        o["SWITCH"] = scheme.pressure_switch
+        self.constants |= flux_fields(
+            device, self.n, self.dim, o["UNIFORM"], o["WALLS"], RECORD[self.dim]
+        )
+
+    @staticmethod
+    def friction(material: Fluid, dim: int) -> tuple[float, float]:
+        """The transverse factor 2η of F/(d_i d_j); there is no radial friction."""
+        if material.bulk_viscosity:
+            raise InputError(
+                "bulk_viscosity", material.bulk_viscosity, "zero with TransportVelocity"
+            )
+        return 2.0 * material.viscosity, 0.0
+
+    def _bind_loops(self) -> None:
+        super()._bind_loops()
+        fields = {**self.constants, **self.neighbours.fields, **self.particles.fields}
+        bind, dim, o = self.device.bind, self.dim, self.options
+        same = {k: o[k] for k in ("DIM", "RECORD", "BATCH", "KERNEL", "UNIFORM", "WALLS")}
+        self._pack_flux = bind(pack_flux, fields, DIM=dim, RECORD=o["RECORD"])
+        form, exact = FORMS[self.scheme.momentum_flux], self.scheme.renormalise
+        self._flux_rates = bind(flux_rates, fields, **same, FLUX=form, EXACT=exact)
+        self._add_flux = bind(updates.kick, {**fields, "a": fields["flux"]}, DIM=dim)
+        self._filter = bind(filtered_density, fields, DIM=dim, KERNEL=o["KERNEL"])
+
+        if self.impenetrable:
+            self._bounce_back = bind(bounce_back, fields, DIM=dim, KERNEL=o["KERNEL"])
+
+    def step(self, step: int, dt: float) -> None:
+        """Kick, drift, kick with two sweeps: fluxes half-way, forces at the end of the drift.
+
+        δv is evaluated with the forces, where the step begins, and holds for the whole step: mass
+        and momentum cross between particles with the very δv that moves these, at x and v of the
+        half step.
+        """
+        n = self.n
+        self.kick(n, 0.5 * dt)
+        self.transport_velocity(n, self.shift_pressure, dt)
+        self._renew_list(dt)
+        self.drift(n, 0.5 * dt)
+        self.predict_density(n, 0.5 * dt)
+        self.density_rates(step)
+        self.drift(n, 0.5 * dt)
+        self.after_drift()
+        self._add_flux(n, dt)
+        self._thermodynamics(dt)
+        every = self.scheme.filter_every
+        if every and (step + 1) % every == 0:
+            self.filter_density()
+        self.accelerate(step + 1, dt)
+        self.kick(n, 0.5 * dt)
+        if self.impenetrable:
+            self._bounce_back(n)
+
+    def density_rates(self, step: int) -> None:
+        """Density rate and flux of momentum at the half step."""
+        self._pack_flux(self.n)
+        self._flux_rates(self.n)
+
+    def filter_density(self) -> None:
+        """Smooth the fluid's density; pressure, volume and walls follow."""
+        p = self.particles
+        self._filter(self.n)
+        self.device.copy(p["density_half"], p["density"])
+        self._thermodynamics(0.0)

@@ -1,0 +1,249 @@
+"""The laws of the transport velocity, pair by pair and as the sweeps evaluate them.
+
+What is exact: linear fields on a lattice, uniform fields on any arrangement, antisymmetry.
+"""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+from particell.geometry.domain import Domain
+from particell.geometry.fill import lattice
+from particell.kernels import LUCY, normalisation
+from particell.laws.transport_velocity import (
+    conserving_flux,
+    consistent_trace,
+    mass_flux,
+    switched_term,
+    uniform_flux,
+)
+from particell.phases import Phase
+from particell.schemes.transport_velocity import TransportVelocity
+from particell.simulation import Simulation
+from systems import lattice_offsets, unit_fluid
+
+SUPPORT = 2.6
+
+
+def system(dim, side, disorder=0.3, periodic=True, velocity=None, **scheme):
+    """Particles of volume 1 near the sites of a unit lattice, at scattered densities."""
+    random = np.random.default_rng(3)
+    axes = "xyz"[:dim] if periodic else ""
+    domain = Domain((0,) * dim, (side,) * dim, periodic=axes, depth=1.0)
+    points = lattice(domain, 1.0)
+    if disorder:
+        points = (points + random.uniform(-disorder, disorder, points.shape)) % side
+    phase = Phase("fluid", unit_fluid(), points, 1.0, velocity=velocity)
+    simulation = Simulation(domain, phase, TransportVelocity(filter_every=0, **scheme), dt=0.01)
+    if disorder:
+        simulation.particles.set("density", random.uniform(0.9, 1.1, len(points)))
+    simulation.start()
+    return simulation
+
+
+def fluxes(simulation, shift):
+    """Density rate and flux of momentum with δv = ``shift`` (in memory order)."""
+    p, solver = simulation.particles, simulation.solver
+    p.set("transport", p.host("v") + shift)
+    solver.predict_density(len(p), 0.0)
+    solver.density_rates(0)
+    return p.host("density_rate").copy(), p.host("flux").copy()
+
+
+def random_shift(simulation):
+    return np.random.default_rng(4).normal(size=simulation.particles.host("v").shape)
+
+
+def test_mass_that_leaves_one_particle_enters_the_other():
+    """V_i times the flux into i and V_j times that into j (where x_ij has changed sign) cancel."""
+    into_i = 2.0 * mass_flux(3.0 * 0.5, 1.1, 0.9, 0.2, -0.4)
+    into_j = 3.0 * mass_flux(2.0 * 0.5, 0.9, 1.1, 0.4, -0.2)
+    assert into_i == pytest.approx(-2.0 * 3.0 * 0.5 * (1.1 * 0.2 - 0.9 * 0.4), rel=1e-14)
+    assert into_i + into_j == pytest.approx(0.0, abs=1e-15)
+
+
+def test_conserving_flux_is_antisymmetric():
+    volume_i, volume_j, density_i, density_j, f = 2.0, 3.0, 1.1, 0.9, 0.5
+    velocity_i, velocity_j, shift_i, shift_j = 0.7, -0.3, 0.2, -0.4
+
+    def force_on_i():
+        a = conserving_flux(volume_j * f, density_j / density_i, shift_i) * velocity_i
+        a += conserving_flux(volume_j * f, 1.0, shift_j) * velocity_j
+        return density_i * volume_i * a
+
+    def force_on_j():
+        a = conserving_flux(volume_i * f, density_i / density_j, -shift_j) * velocity_j
+        return (
+            density_j * volume_j * (a + conserving_flux(volume_i * f, 1.0, -shift_i) * velocity_i)
+        )
+
+    assert force_on_i() + force_on_j() == pytest.approx(0.0, abs=1e-15)
+
+
+def test_uniform_flux_of_a_pair():
+    """V_j (ρ_j/ρ_i) (v_j − v_i) δv_j·∇W, with ∇W = −F x_ij."""
+    assert uniform_flux(3.0 * 0.5, 2.0, 0.25) * (1.0 - 4.0) == pytest.approx(
+        3.0 * 2.0 * (4.0 - 1.0) * 0.25 * -0.5
+    )
+
+
+@pytest.mark.parametrize(
+    ("term_i", "term_j", "expected"), [(1, 2, 3), (1, -0.5, 0.5), (-3, 1, 4), (1, -3, -4)]
+)
+def test_pressure_switch(term_i, term_j, expected):
+    """P_j/ρ_j² − P_i/ρ_i² where the sum is negative; what attracts through i repels."""
+    assert switched_term(term_i, term_j) + term_j == expected
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_the_switch_acts_in_the_sweep(dim):
+    """Under tension everywhere the terms of a pair cancel but for their difference."""
+    off, on = (system(dim, 8, pressure_switch=s) for s in (False, True))
+    for simulation in (off, on):
+        p = simulation.particles
+        p.set("density", np.full(len(p), 0.9))
+        simulation.solver._thermodynamics(0.0)
+        simulation.solver.accelerate(0, 1.0)
+    assert np.abs(off.particles.host("a")).max() > 1.0
+    assert np.abs(on.particles.host("a")).max() < 1e-12
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("form", ["uniform", "conserving"])
+def test_linear_fields_on_a_lattice(dim, form):
+    """The density follows the divergence of v, whatever δv; the momentum feels δv·∇v.
+
+    Exact up to the lattice sum T = Σ V F x xᵀ, here to round-off: the rate of density is −ρ tr(A T)
+    and the flux (δv T)·∇v for the velocity A x and uniform δv.
+    """
+    random = np.random.default_rng(1)
+    gradient, spread = random.normal(size=(dim, dim)), random.normal(size=(dim, dim))
+    simulation = system(
+        dim,
+        7,
+        0.0,
+        periodic=False,
+        velocity=lambda x: x @ gradient.T,
+        momentum_flux=form,
+        renormalise=False,
+    )
+    x = simulation.particles.host("x")
+    centre = np.linalg.norm(x - 3.5, axis=1) < 0.1
+    offsets, weight = lattice_offsets(dim, SUPPORT)
+    tensor = np.einsum("n,na,nb->ab", weight, offsets, offsets)
+    rate, _ = fluxes(simulation, x @ spread.T + 1.0)
+    assert rate[centre][0] == pytest.approx(-np.sum(gradient * tensor), rel=1e-11)
+    uniform = random.normal(size=dim)
+    _, flux = fluxes(simulation, np.tile(uniform, (len(x), 1)))
+    np.testing.assert_allclose(flux[centre][0], gradient @ tensor @ uniform, rtol=1e-11)
+
+
+@pytest.mark.parametrize("dim", [1, 2, 3])
+def test_rate_of_density_of_linear_fields_on_any_arrangement(dim):
+    """−ρ tr A + δv·∇ρ to round-off with the consistent gradient, whatever δv is."""
+    random = np.random.default_rng(1)
+    gradient, slope = random.normal(size=(dim, dim)), 0.01 * random.normal(size=dim)
+    simulation = system(dim, 9, periodic=False, velocity=lambda x: x @ gradient.T)
+    p = simulation.particles
+    density = 1.0 + p.host("x") @ slope
+    p.set("density", density)
+    shift = random_shift(simulation)
+    rate, _ = fluxes(simulation, shift)
+    inside = np.linalg.norm(p.host("x") - 4.5, axis=1) < 1.5
+    assert inside.sum() >= 2
+    expected = -density * np.trace(gradient) + shift @ slope
+    np.testing.assert_allclose(rate[inside], expected[inside], rtol=1e-11, atol=1e-13)
+
+
+def test_a_particle_with_too_few_neighbours_keeps_the_plain_sum():
+    t, g = [0.04, 1.0, 1.0, 0.0, 0.0, 0.0], [0.3, 0.1, 0.0, 0.0, 0.0, 0.0]
+    assert consistent_trace(*t, *g) == pytest.approx(0.4)
+    t[0] = 0.5
+    assert consistent_trace(*t, *g) == pytest.approx(0.7)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_uniform_velocity_stays_uniform_with_the_uniform_form(dim):
+    simulation = system(dim, 8, velocity=(0.7,) * dim, momentum_flux="uniform")
+    _, flux = fluxes(simulation, random_shift(simulation))
+    assert np.abs(flux).max() < 1e-14
+    other = system(dim, 8, velocity=(0.7,) * dim, momentum_flux="conserving")
+    assert np.abs(fluxes(other, random_shift(other))[1]).max() > 1e-3
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_what_is_exchanged_is_conserved(dim):
+    """Mass as Σ V times the flux, without T; momentum with the conserving form."""
+    simulation = system(
+        dim,
+        8,
+        velocity=lambda x: np.sin(x + x[:, ::-1]),
+        momentum_flux="conserving",
+        renormalise=False,
+    )
+    p = simulation.particles
+    shift = random_shift(simulation)
+    rate, flux = fluxes(simulation, shift)
+    force = p.host("mass")[:, None] * flux
+    assert np.abs(force.sum(axis=0)).max() < 1e-13 * np.abs(force).sum()
+    # with v = −δv nothing is advected: what is left of the density's rate is the flux of mass
+    p.set("v", -shift)
+    gain = p.host("volume") * fluxes(simulation, shift)[0]
+    assert abs(gain.sum()) < 1e-13 * np.abs(gain).sum() and np.abs(gain).max() > 1e-3
+    assert np.abs(rate).max() > 1e-3
+
+
+def mode_matrix(dim, support, wave):
+    """K of δs = K u for displacements u exp(ik·x) of the unit lattice: negative restores."""
+    reach = range(-int(support), int(support) + 1)
+    x = np.array([o for o in itertools.product(reach, repeat=dim) if any(o)], float)
+    r = np.linalg.norm(x, axis=1)
+    x, r = x[r < support], r[r < support]
+    q = r / support
+    scale = 2 * normalisation(LUCY, dim) / support ** (dim + 2)
+    f, slope = 12 * (1 - q) ** 2, -24 * (1 - q) / (support * r)
+    pairs = f[:, None, None] * np.eye(dim) + slope[:, None, None] * x[:, :, None] * x[:, None, :]
+    return scale * np.einsum("n,nab->ab", 1 - np.cos(x @ wave), pairs)
+
+
+def growth(dim, side, support):
+    """Largest eigenvalue of K over all modes of a periodic lattice of ``side`` spacings."""
+    waves = itertools.product(range(side // 2 + 1), repeat=dim)
+    return max(
+        np.linalg.eigvalsh(mode_matrix(dim, support, 2 * np.pi * np.array(w) / side)).max()
+        for w in waves
+        if any(w)
+    )
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_the_shift_returns_every_mode_of_a_lattice(dim):
+    """At the default support; at 3 spacings some mode grows. Shear modes of long wave are slow."""
+    assert growth(dim, 16, SUPPORT) < -1e-4
+    assert growth(dim, 16, 3.0) > 0.1
+    assert TransportVelocity().support == SUPPORT
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_the_sweep_has_these_modes(dim):
+    """Every mode of an 8-spacing lattice, displaced by 1e-6: the shift is K u, and points back."""
+    simulation = system(dim, 8, 0.0)
+    p, solver = simulation.particles, simulation.solver
+    sites = p.host("x").copy()
+    random = np.random.default_rng(2)
+    for mode in itertools.product(range(5), repeat=dim):
+        if not any(mode) or (dim == 3 and random.random() < 0.7):
+            continue
+        wave = 2 * np.pi * np.array(mode) / 8
+        phase = np.cos(sites @ wave - 0.4)
+        values, vectors = np.linalg.eigh(mode_matrix(dim, SUPPORT, wave))
+        for value, along in zip(values, vectors.T, strict=True):
+            displaced = 1e-6 * phase[:, None] * along
+            p.set("x", sites + displaced)
+            solver.accelerate(0, 1.0)
+            shift = p.host("shift")
+            np.testing.assert_allclose(shift, value * displaced, atol=2e-10)
+            assert (shift * displaced).sum() < 0

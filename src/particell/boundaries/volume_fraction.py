@@ -24,8 +24,8 @@ from __future__ import annotations
 import math
 
 from particell.compute.loop import particle_loop
-from particell.compute.rounding import nearest_integer
 from particell.kernels import power, shape_f, shape_w
+from particell.laws.pairs import image_offset
 
 #: The volume fraction on a plane wall, from which on a particle is bounced back.
 SURFACE = 0.5
@@ -69,9 +69,7 @@ def bounce_back(
         j = neighbours[k]
         r2 = 0.0
         for d in range(DIM):
-            s = x[i, d] - x[j, d]
-            if wraps:
-                s -= period[d] * nearest_integer(s * inverse_period[d])
+            s = image_offset(x, i, j, d, wraps, period, inverse_period)
             r2 += s * s
         h = 0.5 * (support[i] + support[j])
         q = math.sqrt(r2) / h
@@ -80,9 +78,7 @@ def bounce_back(
         fraction += share
         f = weight * shape_f(q, KERNEL) / (h * h)
         for d in range(DIM):
-            s = x[i, d] - x[j, d]
-            if wraps:
-                s -= period[d] * nearest_integer(s * inverse_period[d])
+            s = image_offset(x, i, j, d, wraps, period, inverse_period)
             wall_direction[i, d] += f * s
             wall_speed[i, d] += share * v[j, d]
     wall_fraction[i] = fraction

@@ -45,6 +45,8 @@ class SDPDSolver:
     """
 
     FIELDS = ("pressure_term", "density_rate")
+    #: Whether shifting needs :meth:`_keep_volume`: here no mass crosses between particles with δv.
+    FIXED_VOLUME = True
 
     def __init__(
         self,
@@ -199,7 +201,7 @@ class SDPDSolver:
         """Build the neighbour list at the present positions."""
         self.neighbours.build(self.particles)
         self._bind()
-        if self.shifting:
+        if self.shifting and self.FIXED_VOLUME:
             self._keep_volume()
 
     def _keep_volume(self) -> None:

@@ -16,9 +16,10 @@ from particell.boundaries.wall import extrapolation, surface_distance
 from particell.compute.batches import batch_buffer, batch_row, whole_lanes
 from particell.compute.device import Device
 from particell.compute.loop import particle_loop
-from particell.compute.rounding import nearest_integer, nearest_whole
+from particell.compute.rounding import nearest_whole
 from particell.kernels import power, shape_f, shape_w
 from particell.laws.continuity import divergence
+from particell.laws.pairs import image_offset
 from particell.laws.transport_velocity import (
     conserving_flux,
     consistent_trace,
@@ -315,9 +316,7 @@ def filtered_density(
             continue
         r2 = 0.0
         for d in range(DIM):
-            s = x[i, d] - x[j, d]
-            if wraps:
-                s -= period[d] * nearest_integer(s * inverse_period[d])
+            s = image_offset(x, i, j, d, wraps, period, inverse_period)
             r2 += s * s
         h = 0.5 * (support[i] + support[j])
         w = shape_w(math.sqrt(r2) / h, KERNEL) * power(support[i] / h, DIM)

@@ -36,6 +36,7 @@ class TransportVelocitySolver(SDPDSolver):
     Parameters as there.
     """
 
+    FIXED_VOLUME = False
     scheme: TransportVelocity  # type: ignore[assignment]
 
     def __init__(

@@ -178,14 +178,12 @@ def info() -> int:
     import os
     from importlib.metadata import version
 
-    import numba
-
+    from particell.compute.threads import available_threads
     from particell.output.summary import versions
 
     click.echo(f"particell {version('particell')}")
     click.echo(", ".join(f"{name} {number}" for name, number in versions().items()))
-    threads = numba.config.NUMBA_NUM_THREADS  # type: ignore[attr-defined]
-    click.echo(f"cpu: {threads} threads (of {os.cpu_count()} cores)")
+    click.echo(f"cpu: {available_threads()} threads (of {os.cpu_count()} cores)")
     click.echo(f"cuda: {_cuda_devices()}")
     return 0
 

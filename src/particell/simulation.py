@@ -22,7 +22,8 @@ from particell.chemistry.reactions import Reaction
 from particell.chemistry.reservoirs import FixedValueWall, FluxWall, Reservoir
 from particell.chemistry.species import Species
 from particell.compute.device import Device
-from particell.compute.loop import CompileLog, suitable_threads
+from particell.compute.loop import CompileLog
+from particell.compute.threads import suitable_threads
 from particell.errors import InputError
 from particell.geometry.domain import Domain
 from particell.laws.buoyancy import Buoyancy

@@ -11,7 +11,7 @@ from scipy.linalg import expm
 from particell.chemistry.reactions import Reaction
 from particell.chemistry.reservoirs import FixedValueWall, Reservoir
 from particell.chemistry.species import Species
-from particell.compute.loop import set_threads
+from particell.compute.threads import set_threads
 from particell.kernels import LUCY, normalisation, shape_f
 from particell.materials import AVOGADRO
 from particell.particles import Group

@@ -6,8 +6,9 @@ import pytest
 
 from particell.compute import loop as module
 from particell.compute.device import Device
-from particell.compute.loop import FASTMATH, particle_loop, set_threads, suitable_threads
+from particell.compute.loop import FASTMATH, particle_loop
 from particell.compute.reduce import Reduction
+from particell.compute.threads import get_threads, set_threads, suitable_threads
 from particell.errors import InputError
 
 
@@ -85,10 +86,10 @@ def test_number_of_threads():
             with pytest.raises(ValueError, match="threads"):
                 set_threads(wrong)
         with suitable_threads(10):
-            assert numba.get_num_threads() == 1
+            assert get_threads() == 1
         with suitable_threads(10**9):
-            assert numba.get_num_threads() == everything
-        assert numba.get_num_threads() == everything
+            assert get_threads() == everything
+        assert get_threads() == everything
     finally:
         set_threads(everything)
 

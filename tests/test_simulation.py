@@ -67,7 +67,7 @@ def test_restart_refuses_other_simulations():
 
 def test_same_bits_for_any_number_of_threads(monkeypatch):
     """Fifty noisy steps between walls on one and on two threads."""
-    monkeypatch.setattr("particell.compute.threads.PARTICLES_PER_THREAD", 10)
+    monkeypatch.setattr("particell.compute.threads.SECONDS_PER_THREAD", 1e-9)
     everything = set_threads(None)
     if everything < 2:
         pytest.skip("this machine has one thread")

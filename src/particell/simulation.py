@@ -23,7 +23,6 @@ from particell.chemistry.reservoirs import FixedValueWall, FluxWall, Reservoir
 from particell.chemistry.species import Species
 from particell.compute.device import Device
 from particell.compute.loop import CompileLog
-from particell.compute.threads import suitable_threads
 from particell.errors import InputError
 from particell.geometry.domain import Domain
 from particell.laws.buoyancy import Buoyancy
@@ -140,6 +139,7 @@ class Simulation:
                 normalise=normalise_diffusion,
                 depth=self.depth_factor,
                 splitting=splitting,
+                at_rest=self.static,
             )
         elif reactions:
             raise InputError("reactions", list(reactions), "empty without species")
@@ -261,15 +261,14 @@ class Simulation:
         begin, compiling = clock.perf_counter(), CompileLog.seconds
         chemistry, every = self.chemistry, self.chemistry_every
         solver, constraints, dt = self.solver, self.constraints, self.dt
-        with suitable_threads(len(self.particles)):
-            for _ in range(steps):
-                solver.step(self.step, dt)
-                constraints.relax(self.step, dt)
-                self.step += 1
-                if chemistry is not None and self.step % every == 0:
-                    chemistry.step(self.step, every * dt)
-                    constraints.relax_species(self.step, every * dt)
-                self.time += dt
+        for _ in range(steps):
+            solver.step(self.step, dt)
+            constraints.relax(self.step, dt)
+            self.step += 1
+            if chemistry is not None and self.step % every == 0:
+                chemistry.step(self.step, every * dt)
+                constraints.relax_species(self.step, every * dt)
+            self.time += dt
         self.monitor.check()
         self._wall_seconds += clock.perf_counter() - begin
         self._compile_seconds += CompileLog.seconds - compiling

@@ -208,7 +208,7 @@ class YeastChannel(Case):
         return Sponge(-self.sponge_length, 0.0, time, self.parabola, targets)
 
     def pressure_drop(self, nu: float) -> float:
-        """What the cell's drag costs over the channel, in Pa (finite elements, default geometry)."""
+        """What the cell's drag costs over the channel in Pa (finite elements, default cell)."""
         return 15 * nu * self.density * self.mean_velocity / self.height
 
     def sound_speed(self, nu: float) -> float:

@@ -62,6 +62,8 @@ class Chemistry(Contents):
         volume V holds C V depth 𝒩 molecules. Amounts are in mol per depth.
     splitting
         ``"lie"`` or ``"strang"``, see :meth:`step`.
+    at_rest
+        The particles never move: what depends on their places alone is computed once.
 
     Attributes
     ----------
@@ -92,6 +94,7 @@ class Chemistry(Contents):
         normalise: bool = False,
         depth: float = 1.0,
         splitting: str = "lie",
+        at_rest: bool = False,
     ):
         if splitting not in ("lie", "strang"):
             raise InputError("splitting", splitting, "'lie' or 'strang'")
@@ -139,6 +142,8 @@ class Chemistry(Contents):
             "N, V, k": dispatcher(self.stochastic.laws, "N, V, k"),
         }
         self._rows: Any = None
+        self._at_rest = at_rest
+        self._placed = False  # what depends on the particles' places is known, and they are at rest
 
     def limits(self) -> dict[str, float]:
         """Largest steps in s by name: 0.05 h²/κ for each kind of species.
@@ -216,16 +221,14 @@ class Chemistry(Contents):
         """All exchange between particles: jumps of molecules first, then that of amounts."""
         n = self.particles.n
         diffusing = bool(len(self.deterministic.diffusing))
-        if self.normalise and (diffusing or self._walks):
-            self._kernel_sums(n)
-        for g, area in self._areas.items():
-            self._facing_area(n, g)
-            total = self._reduction.sum(self._fields["facing"].reshape(n, 1))[0]
-            self._scale[g] = area / total if total > 0 else 0.0
-        if self._areas:
-            self.device.write(self._fields["wall_scale"], self._scale)
+        if not self._placed:
+            self._measure(n)
         for walks in self._walks:
+            if not self._placed:
+                walks.renew(n, step)
             self.jumps += walks.run(n, step, tau, self.binomial_cost)
+        # tables share an array, and what switches changes the rates
+        self._placed = self._at_rest and len(self._walks) < 2 and not self._switching
         if not diffusing:
             return
         if self._switching:
@@ -240,6 +243,17 @@ class Chemistry(Contents):
         self._prepare(n)
         self._exchange(n, tau)
         self._average(n)
+
+    def _measure(self, n: int) -> None:
+        """What diffusion needs of the particles' places: kernel sums, and areas of walls."""
+        if self.normalise and (len(self.deterministic.diffusing) or self._walks):
+            self._kernel_sums(n)
+        for g, area in self._areas.items():
+            self._facing_area(n, g)
+            total = self._reduction.sum(self._fields["facing"].reshape(n, 1))[0]
+            self._scale[g] = area / total if total > 0 else 0.0
+        if self._areas:
+            self.device.write(self._fields["wall_scale"], self._scale)
 
     def _hold(self, step: int) -> None:
         if self._reservoirs:
@@ -279,7 +293,7 @@ class Chemistry(Contents):
         rows = self.neighbours.fields["neighbours"]
         if rows is self._rows:
             return
-        self._rows = rows
+        self._rows, self._placed = rows, False
         f = self._fields
         if self._jump_tables:
             f["cumulative"] = self.device.zeros(len(rows), np.float32)

@@ -28,12 +28,13 @@ from contextlib import contextmanager
 from typing import Any, overload
 
 import numba
+import numpy as np
 from numba import njit
 from numba.core import event
 
 from particell.compute.cache import compiled_here
 from particell.compute.simulator import for_simulator, simulating
-from particell.compute.threads import share
+from particell.compute.threads import Shared
 
 #: ``fastmath=True`` would delete ``isfinite``. Re-association is for loops over batches only: with
 #: it LLVM vectorises sums over neighbours with gather instructions, which are more than twice
@@ -248,16 +249,17 @@ class _PlainHelpers(event.Listener):
 def _timed_first_call(compiled: Callable[..., None], vectorise: bool) -> Callable[..., None]:
     """Count the seconds of the first call, in which the loop is compiled or read from the cache."""
     fresh = True
+    shared = Shared(compiled)
 
     def call(n: int, *args: Any) -> None:
         nonlocal fresh
         if not fresh:
-            share(compiled, n, *args)
+            shared(n, *args)
             return
         fresh = False
         begin = time.perf_counter()
         with vectorisers(vectorise, compiled):
-            share(compiled, n, *args)
+            compiled(np.uint64(0), np.uint64(n), np.uint64(0), *args)
         CompileLog.seconds += time.perf_counter() - begin
         CompileLog.loops += 1
 

@@ -11,13 +11,18 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import cache
+from itertools import count
+from time import perf_counter
 from typing import Any
 
 import numpy as np
 
 from particell.compute.cache import NUMBA_CONFIG
 
-PARTICLES_PER_THREAD = 1000
+#: A thread is woken for this much work at least: handing it over takes a tenth of a millisecond.
+SECONDS_PER_THREAD = 5e-4
+#: Each thread's work comes in pieces, so that one that is held up is not waited for.
+PIECES_PER_THREAD = 4
 
 
 def available_threads() -> int:
@@ -64,37 +69,48 @@ def kept_threads() -> Iterator[None]:
         set_threads(before)
 
 
-@contextmanager
-def suitable_threads(particles: int) -> Iterator[None]:
-    """Use no more threads inside the block than the number of particles keeps busy.
-
-    Threads that wait for each other after a few microseconds of work cost more than they bring,
-    above all on a machine that does other things too. Results do not depend on it.
-    """
-    with kept_threads():
-        set_threads(max(1, min(get_threads(), particles // PARTICLES_PER_THREAD)))
-        yield
-
-
 @cache
 def _pool() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(max(1, available_threads() - 1), thread_name_prefix="particell")
 
 
-def share(piece: Callable[..., None], n: int, *arguments: Any) -> None:
-    """Call ``piece(first, last, thread, *arguments)`` on every thread for its part of n particles.
+class Shared:
+    """A compiled range of a loop, called for all particles by as many threads as are worth waking.
 
-    The first part is this thread's own. Indices are unsigned, which spares compiled code the
-    question whether they count from the end.
+    Parameters
+    ----------
+    piece
+        ``piece(first, last, thread, *arguments)``, which lets go of Python's lock. Indices are
+        unsigned, which spares compiled code the question whether they count from the end.
     """
-    threads = max(1, min(get_threads(), n))
-    ends = [np.uint64(n * k // threads) for k in range(threads + 1)]
-    others = [
-        _pool().submit(piece, ends[k], ends[k + 1], np.uint64(k), *arguments)
-        for k in range(1, threads)
-    ]
-    try:
-        piece(ends[0], ends[1], np.uint64(0), *arguments)
-    finally:
-        for other in others:
-            other.result()
+
+    def __init__(self, piece: Callable[..., None]):
+        self.piece = piece
+        self.cost = 0.0  # of a particle in s, as measured
+
+    def __call__(self, n: int, *arguments: Any) -> None:
+        """Do the work of n particles; threads in use do not change what comes out."""
+        threads = max(1, min(get_threads(), int(self.cost * n / SECONDS_PER_THREAD), n))
+        begin = perf_counter()
+        if threads == 1:
+            self.piece(np.uint64(0), np.uint64(n), np.uint64(0), *arguments)
+        else:
+            self._on_threads(threads, n, arguments)
+        if n > 0:
+            self.cost += 0.2 * ((perf_counter() - begin) * threads / n - self.cost)
+
+    def _on_threads(self, threads: int, n: int, arguments: tuple) -> None:
+        pieces = min(n, threads * PIECES_PER_THREAD)
+        ends = [np.uint64(n * k // pieces) for k in range(pieces + 1)]
+        untaken = count()
+
+        def work(thread: int) -> None:
+            while (k := next(untaken)) < pieces:
+                self.piece(ends[k], ends[k + 1], np.uint64(thread), *arguments)
+
+        others = [_pool().submit(work, thread) for thread in range(1, threads)]
+        try:
+            work(0)
+        finally:
+            for other in others:
+                other.result()

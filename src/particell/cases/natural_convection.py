@@ -22,7 +22,7 @@ files' headers).
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -62,7 +62,12 @@ class NaturalConvection(Case):
 
     name = "natural-convection"
     title = "Natural convection around a cylinder in a square cavity, driven by a solute"
-    full: ClassVar[Mapping[str, Any]] = {"resolution": 81}
+    full: ClassVar[Sequence[Mapping[str, Any]]] = [
+        {"resolution": 81, "rayleigh": 1e4},
+        {"resolution": 81, "rayleigh": 1e5},
+        # it swings: averaged over two periods of 13.4 L/v0
+        {"resolution": 81, "rayleigh": 1e6, "end": 80.0, "averaging": 26.8},
+    ]
 
     resolution: Annotated[int, Field(ge=20, le=400)] = 40
     """Particles along a side of the cavity."""

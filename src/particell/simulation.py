@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from particell import snapshot
+from particell.boundaries.mean_velocity import MeanVelocity
 from particell.boundaries.reflection import Reflection
 from particell.boundaries.sponge import Sponge
 from particell.chemistry.engine import Chemistry
@@ -38,7 +39,7 @@ if TYPE_CHECKING:
     from particell.observers import Stop
     from particell.output.run import Run
 
-Boundary = Reflection | Sponge | Reservoir | FixedValueWall | FluxWall
+Boundary = Reflection | Sponge | MeanVelocity | Reservoir | FixedValueWall | FluxWall
 #: A chemistry step moves particles by at most this part of the support.
 CHEMISTRY_MOTION = 0.1
 #: An automatic time step is chosen anew where it is larger by this factor than the flow allows.

@@ -6,8 +6,8 @@ R + L ⇄ RL. The same flow carries the species twice, as concentrations and as 
 
 The channel is closed to a ring by a sponge upstream of x = 0, in which velocity and L are brought
 to the inlet's values; a stretch of free flow separates it from the channel's end. The flow is
-driven by a body force: that of an empty channel, 12 ν v₀/H², and what the cell's drag costs (from
-finite elements); where that is not quite right the sponge supplies the rest.
+driven by the body force of an empty channel, 12 ν v₀/H², and by what it takes beyond that to keep
+the flow rate: the cell's drag.
 Channel walls and cell are made of fixed particles with the velocity extrapolated through their
 surfaces.
 
@@ -31,6 +31,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
+from particell.boundaries.mean_velocity import MeanVelocity
 from particell.boundaries.reflection import Reflection
 from particell.boundaries.sponge import Sponge
 from particell.cases import yeast_channel_ensemble
@@ -171,22 +172,24 @@ class YeastChannel(Case):
             viscosity=nu * self.density,
             sound_speed=sound_speed,
         )
-        drag = self.pressure_drop(nu) / (self.density * domain.lengths[0])
         scheme = SDPD(
-            gravity=(12 * nu * self.mean_velocity / self.height**2 + drag, 0.0),
+            gravity=(12 * nu * self.mean_velocity / self.height**2, 0.0),
             reference_speed=1.65 * self.mean_velocity,
             shifting=self.shifting,
         )
         species, reactions = self.species()
         cell = Circle(self.centre, self.radius)
+        phases = self.phases(domain, water, cell)
+        fluid_volume = len(phases[0].points) * dx**2
         simulation = Simulation(
             domain,
-            self.phases(domain, water, cell),
+            phases,
             scheme,
             species,
             reactions,
             [
                 self.sponge(species),
+                MeanVelocity(self.mean_velocity * math.prod(domain.lengths) / fluid_volume),
                 Reflection(cell),
                 Reflection(HalfSpace((0, 0), (0, 1))),
                 Reflection(HalfSpace((0, self.height), (0, -1))),
@@ -207,13 +210,10 @@ class YeastChannel(Case):
         targets = {s.name: self.inlet for s in species if s.name.startswith("L")}
         return Sponge(-self.sponge_length, 0.0, time, self.parabola, targets)
 
-    def pressure_drop(self, nu: float) -> float:
-        """What the cell's drag costs over the channel in Pa (finite elements, default cell)."""
-        return 15 * nu * self.density * self.mean_velocity / self.height
-
     def sound_speed(self, nu: float) -> float:
         """c₀ by rule: 10 U, or 10 √(Δp/ρ) with the pressure that the cell's drag costs."""
-        drop = 2 * self.pressure_drop(nu) / self.density  # as much again in front of the cell
+        # 15 µ v0/H over the channel (finite elements), and as much again in front of the cell
+        drop = 30 * nu * self.mean_velocity / self.height
         return 10 * math.sqrt(max((1.65 * self.mean_velocity) ** 2, drop))
 
     def species(self) -> tuple[list[Species], list[Reaction]]:

@@ -142,8 +142,11 @@ class Chemistry(Contents):
             "N, V, k": dispatcher(self.stochastic.laws, "N, V, k"),
         }
         self._rows: Any = None
+        # at rest, weights and rates are kept; tables of jumps share an array, and what switches
+        # changes the rates
         self._at_rest = at_rest
-        self._placed = False  # what depends on the particles' places is known, and they are at rest
+        self._rates_last = at_rest and len(self._jump_tables) < 2 and not self._switching
+        self._measured = self._rated = False
 
     def limits(self) -> dict[str, float]:
         """Largest steps in s by name: 0.05 h²/κ for each kind of species.
@@ -221,14 +224,13 @@ class Chemistry(Contents):
         """All exchange between particles: jumps of molecules first, then that of amounts."""
         n = self.particles.n
         diffusing = bool(len(self.deterministic.diffusing))
-        if not self._placed:
+        if not self._measured:
             self._measure(n)
         for walks in self._walks:
-            if not self._placed:
+            if not self._rated:
                 walks.renew(n, step)
             self.jumps += walks.run(n, step, tau, self.binomial_cost)
-        # tables share an array, and what switches changes the rates
-        self._placed = self._at_rest and len(self._walks) < 2 and not self._switching
+        self._rated = self._rates_last
         if not diffusing:
             return
         if self._switching:
@@ -245,9 +247,12 @@ class Chemistry(Contents):
         self._average(n)
 
     def _measure(self, n: int) -> None:
-        """What diffusion needs of the particles' places: kernel sums, and areas of walls."""
+        """What diffusion needs of the particles' places: kernel sums, weights, areas of walls."""
+        self._measured = self._at_rest
         if self.normalise and (len(self.deterministic.diffusing) or self._walks):
             self._kernel_sums(n)
+        if self._at_rest and len(self.deterministic.diffusing):
+            self._exchange_weights(n)
         for g, area in self._areas.items():
             self._facing_area(n, g)
             total = self._reduction.sum(self._fields["facing"].reshape(n, 1))[0]
@@ -293,8 +298,10 @@ class Chemistry(Contents):
         rows = self.neighbours.fields["neighbours"]
         if rows is self._rows:
             return
-        self._rows, self._placed = rows, False
+        self._rows, self._measured, self._rated = rows, False, False
         f = self._fields
+        weighted = self._at_rest and len(self.deterministic.diffusing)
+        f["exchange"] = self.device.zeros(len(rows) if weighted else 1, np.float64)
         if self._jump_tables:
             f["cumulative"] = self.device.zeros(len(rows), np.float32)
         common = {**self.neighbours.fields, **self.particles.fields, **f}
@@ -312,7 +319,8 @@ class Chemistry(Contents):
         self._prepare = bind(prepare, amounts, COLUMNS=columns)
         self._kernel_sums = bind(diffusion.kernel_sums, amounts, **self._without("NORMALISE"))
         self._facing_area = bind(fluxes.facing_area, amounts, **self._shape)
-        self._exchange = bind(diffusion.diffuse, amounts, **self._pair)
+        self._exchange_weights = bind(diffusion.exchange_weights, amounts, **self._shape)
+        self._exchange = bind(diffusion.diffuse, amounts, **self._pair, AT_REST=self._at_rest)
         self._remember = bind(remember, amounts, COLUMNS=columns)
         self._average = bind(average, amounts, COLUMNS=columns)
         self._hold_amounts = bind(reservoirs.hold_amounts, amounts)

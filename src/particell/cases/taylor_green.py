@@ -126,8 +126,12 @@ class TaylorGreen(Case):
     """Background pressure of the transport velocity in units of ρ c₀²."""
     momentum_flux: Literal["uniform", "conserving", "none"] = "uniform"
     """Form of the momentum that crosses between particles (transport velocity)."""
+    pressure_force: Literal["difference", "symmetric"] = "difference"
+    """Form of the pressure's force (transport velocity)."""
+    fixed_volume: bool = True
+    """Whether the mean density is kept (transport velocity)."""
     pressure_switch: bool = False
-    """Whether pairs that attract repel instead (transport velocity)."""
+    """Whether pairs that attract repel instead (transport velocity; symmetric force only)."""
     filter_every: Annotated[int, Field(ge=0)] = 20
     """Steps between density filters, 0 for none (transport velocity)."""
     mach: Annotated[float, Field(gt=0, le=0.3)] = 0.1
@@ -155,8 +159,8 @@ class TaylorGreen(Case):
     @property
     def conserves_momentum(self) -> bool:
         """Whether the scheme exchanges momentum to round-off."""
-        symmetric = self.momentum_flux != "uniform" and not self.pressure_switch
-        return self.scheme == "sdpd" or symmetric
+        symmetric = self.pressure_force == "symmetric" and not self.pressure_switch
+        return self.scheme == "sdpd" or (symmetric and self.momentum_flux != "uniform")
 
     def build(self, context: Context) -> Simulation:
         """The vortices at their first moment."""
@@ -192,6 +196,8 @@ class TaylorGreen(Case):
                 support=self.support or 2.6,
                 background=self.shift,
                 momentum_flux=self.momentum_flux,
+                pressure_force=self.pressure_force,
+                fixed_volume=self.fixed_volume,
                 pressure_switch=self.pressure_switch,
                 filter_every=self.filter_every,
             )

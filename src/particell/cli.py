@@ -154,8 +154,9 @@ def validate(
 ) -> int:
     """Run cases (default: all) and compare with exact solutions, references and the papers.
 
-    Groups: sdpd-ssa, stochastic. With --out, one page of all numbers is written, and a run that is
-    finished there, with the same version and parameters, is not made again.
+    Groups: sdpd-ssa, stochastic, transport-velocity. With --out, one page of all numbers is
+    written, and a run that is finished there, with the same version and parameters, is not made
+    again.
     """
     from particell import validation
 

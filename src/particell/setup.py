@@ -47,6 +47,7 @@ def build_particles(
     particles.set("v", concatenate([p.velocities() for p in phases]))
     particles.set("group", np.repeat(np.arange(len(phases)), sizes))
     particles.set("is_wall", np.repeat([p.kind == "wall" for p in phases], sizes))
+    particles.set("slides", np.repeat([p.slides for p in phases], sizes))
     density = np.repeat([p.material.density for p in phases], sizes)
     volume = concatenate([p.volume for p in phases])  # type: ignore[arg-type]
     particles.set("density", density)

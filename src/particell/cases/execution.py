@@ -240,7 +240,11 @@ def _finish(
 ) -> int:
     from particell.compute.threads import get_threads
 
-    simulation.run(until=case.until, every=case.every, out=directory, progress=progress)
+    stop = case.stop()
+    condition: dict[str, Any] = {} if stop is None else {"stop": stop}
+    simulation.run(
+        until=case.until, every=case.every, out=directory, progress=progress, **condition
+    )
     # Read from the file, so that a resumed run is analysed as a whole.
     run = Run(directory)
     metrics = case.analyse(run, simulation)

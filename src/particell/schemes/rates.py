@@ -310,7 +310,10 @@ def rates(
                     strength = 2.0 * near_mixture[put + np.uint64(2)] * inverse_dt
                 friction = pair_friction(weight, inverse_density)
                 if SWITCH:
-                    own_term = switched_term(term_i, term_j) if q < fluid_end else term_i
+                    if SWITCH == 2:
+                        own_term = -term_i
+                    else:
+                        own_term = switched_term(term_i, term_j) if q < fluid_end else term_i
                     along = pressure_acceleration(mass_j, own_term, term_j, f)
                 else:
                     along = pressure_acceleration(mass_j, term_i, term_j, f)

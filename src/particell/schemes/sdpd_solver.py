@@ -135,7 +135,7 @@ class SDPDSolver:
             "GAUSSIAN": scheme.noise == "gaussian",
             "WALLS": bool(neighbours.constants["WALLS"]),
             "SHIFT": self.shifting,
-            "SWITCH": False,
+            "SWITCH": 0,
             "BATCH": batch_size(device),
             "RECORD": RECORD[dim],
             "MATTER": MATTER[dim],
@@ -176,7 +176,7 @@ class SDPDSolver:
         if self.leapfrog:
             half = {**fields, "density": fields["density_half"]}
             quiet = {**o, "NOISE": False, "SHIFT": False, "MIXED": False, "RADIAL": False}
-            quiet["SWITCH"] = False
+            quiet["SWITCH"] = 0
             self._density_rates = bind(rates, half, **quiet, DENSITY=True, FORCE=False)
             self._pack_half = bind(pack, half, **record)
             self.predict_density = bind(updates.predict_density, fields)

@@ -18,6 +18,7 @@ from particell.schemes.rates import RECORD
 from particell.schemes.sdpd_solver import SDPDSolver
 from particell.schemes.transport_rates import (
     FORMS,
+    PRESSURE_FORCES,
     filtered_density,
     flux_fields,
     flux_rates,
@@ -61,7 +62,8 @@ class TransportVelocitySolver(SDPDSolver):
             particles.add("wall_direction", self.dim)
             particles.add("wall_speed", self.dim)
             particles.add("bounces", dtype=np.int64)
-        o["SWITCH"] = scheme.pressure_switch
+        o["SWITCH"] = 1 if scheme.pressure_switch else PRESSURE_FORCES[scheme.pressure_force]
+        self.FIXED_VOLUME = scheme.fixed_volume
         self.constants |= flux_fields(
             device, self.n, self.dim, o["UNIFORM"], o["WALLS"], RECORD[self.dim]
         )

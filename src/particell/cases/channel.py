@@ -11,6 +11,7 @@ from pydantic import Field
 
 from particell import plots
 from particell.cases.base import Case, Context, Density, Length, Metric, Velocity
+from particell.cases.scores import density_drift
 from particell.geometry.domain import Domain
 from particell.materials import Fluid
 from particell.output.run import Run
@@ -213,15 +214,13 @@ class ChannelFlow(Case):
         starting = run.times < (self.end - self.averaging) * self.time_unit
         starting &= run.times >= FIRST * self.time_unit * (1 - 1e-9)
         steady = self.profile(run, self.averaged(run)).error
-        fluid = run.group("fluid")
-        density = run.field("density")[-1][fluid]
         found = {
             "profile_error": Metric(steady, paper=self.paper_error(), limit=self.limit()),
             "particle_error": Metric(float(single[self.averaged(run)].mean())),
             "transient_error": Metric(
                 float(single[starting].max(initial=0.0)), limit=self.transient_limit()
             ),
-            "density_drift": Metric(float(density.mean() / self.density - 1), limit=5e-3),
+            "density_drift": density_drift(run, simulation, self.density),
         }
         counts = simulation.conservation()
         if "inside walls" in counts:

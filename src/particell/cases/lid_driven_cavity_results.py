@@ -16,6 +16,7 @@ from particell import plots
 from particell.analysis.arrangement import evenness
 from particell.cases import reference
 from particell.cases.base import Metric
+from particell.cases.scores import density_drift
 from particell.output.run import Run
 
 if TYPE_CHECKING:
@@ -150,8 +151,7 @@ def metrics(case: LidDrivenCavity, run: Run, simulation: Simulation) -> dict[str
     even = evenness(run.field("position")[-1], case.spacing, run.domain)
     found["largest_void"] = Metric(even.void, limit=VOID_LIMIT)
     found["crowding"] = Metric(1 / even.closest, limit=1 / CLOSEST_LIMIT)
-    density = run.field("density")[-1][run.group("fluid")]
-    found["density_drift"] = Metric(float(density.mean() / case.density - 1), limit=5e-3)
+    found["density_drift"] = density_drift(run, simulation, case.density)
     counts = simulation.conservation()
     if "inside walls" in counts:
         found["inside_walls"] = Metric(counts["inside walls"], limit=0.0)

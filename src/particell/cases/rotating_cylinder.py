@@ -27,6 +27,7 @@ from pydantic import Field
 from particell import plots
 from particell.analysis.arrangement import evenness
 from particell.cases.base import Case, Context, Density, Length, Metric, Velocity
+from particell.cases.scores import density_drift
 from particell.errors import InputError
 from particell.geometry.domain import Domain
 from particell.geometry.fill import lattice, packed, rings
@@ -246,7 +247,6 @@ class RotatingCylinder(Case):
             return float(np.sqrt(np.mean((line[name] - line[f"exact_{name}"]) ** 2)))
 
         even = evenness(run.field("position")[-1], self.spacing, self.outer - self.inner)
-        density = run.field("density")[-1][run.group("fluid")]
         counts = simulation.conservation()
         return {
             "velocity_error": Metric(error("velocity"), limit=LIMIT),
@@ -254,7 +254,7 @@ class RotatingCylinder(Case):
             "pressure_error": Metric(error("pressure")),
             "largest_void": Metric(even.void, limit=VOID_LIMIT),
             "crowding": Metric(1 / even.closest, limit=1 / CLOSEST_LIMIT),
-            "density_drift": Metric(float(density.mean() / self.density - 1), limit=5e-3),
+            "density_drift": density_drift(run, simulation, self.density),
             "inside_walls": Metric(counts["inside walls"], limit=0.0),
             "bounces": Metric(counts["bounces"]),
         }

@@ -1,16 +1,22 @@
-"""Chi-square metrics: numbers of molecules against what they should be."""
+"""Metrics that several cases share: chi-squares of molecules, and the density's drift."""
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.stats import binom, chi2, norm, poisson
 
 from particell.cases.base import Metric
+from particell.output.run import Run
 
+if TYPE_CHECKING:
+    from particell.simulation import Simulation
+
+#: Largest drift of the mean density over a run.
+DRIFT = 5e-3
 #: False-alarm rate of a metric.
 ALARM = 1e-6
 #: Poisson numbers of a smaller mean are left out: there the error of the mean would be seen.
@@ -27,6 +33,19 @@ def chi_square_metric(square: float, freedom: int, alarm: float = ALARM) -> Metr
     if freedom == 0:
         return Metric(math.nan)
     return Metric(square / freedom, limit=float(chi2.isf(alarm, freedom) / freedom))
+
+
+def density_drift(run: Run, simulation: Simulation, density: float) -> Metric:
+    """Relative change of the fluid's mean density over a run, from ``density`` in kg/m³.
+
+    Where the scheme keeps the fluid's volume, the change is what it would have been, without a
+    limit: it has been put right.
+    """
+    mean = float(run.field("density")[-1][run.group("fluid")].mean())
+    put_right = simulation.conservation().get("volume put right")
+    if put_right is None:
+        return Metric(mean / density - 1, limit=DRIFT)
+    return Metric(mean / density / (1 + put_right) - 1)
 
 
 def poisson_metric(

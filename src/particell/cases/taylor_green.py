@@ -95,6 +95,7 @@ from pydantic import Field
 from particell import plots
 from particell.analysis.statistics import decay_rate
 from particell.cases.base import Case, Context, Density, Length, Metric, Velocity
+from particell.cases.scores import density_drift
 from particell.geometry.domain import Domain
 from particell.geometry.fill import arranged
 from particell.materials import Fluid
@@ -276,7 +277,7 @@ class TaylorGreen(Case):
             ),
             "energy_error_end": Metric(float(energy[-1] / (energy[0] * expected[-1]) - 1)),
             "velocity_error_end": Metric(self._velocity_error(run)),
-            "density_drift": Metric(float(density.mean() / self.density - 1), limit=5e-3),
+            "density_drift": density_drift(run, simulation, self.density),
             "density_deviation": Metric(float(density.std() / self.density)),
             "momentum_drift": Metric(
                 simulation.conservation()["momentum"],

@@ -18,6 +18,7 @@ except PackageNotFoundError:  # a source tree that is not installed
     __version__ = "0+unknown"
 
 if TYPE_CHECKING:
+    from particell.boundaries.moving import WallMotion
     from particell.boundaries.reflection import Reflection
     from particell.boundaries.sponge import Sponge
     from particell.chemistry.reactions import Reaction
@@ -60,6 +61,7 @@ _HOME = {
     "Phase": "phases",
     "Reaction": "chemistry.reactions",
     "Reflection": "boundaries.reflection",
+    "WallMotion": "boundaries.moving",
     "Reservoir": "chemistry.reservoirs",
     "Run": "output.run",
     "RunError": "errors",
@@ -114,6 +116,7 @@ __all__ = [
     "Static",
     "SteadyState",
     "TransportVelocity",
+    "WallMotion",
     "box_walls",
     "channel_walls",
     "export_vtkhdf",

@@ -66,6 +66,7 @@ class Particles:
         self.add("id", dtype=np.int64, values=np.arange(n))
         self.add("group", dtype=np.int32)
         self.add("is_wall", dtype=np.uint8)
+        self.add("slides", dtype=np.uint8)
         self.add("image", dim, np.int32)
         for name in ("x", "v", "a"):
             self.add(name, dim)

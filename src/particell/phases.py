@@ -40,6 +40,9 @@ class Phase:
         Distance of neighbours in m, which sets the support; by default volume^(1/D) (the mean).
     surface
         The solid region that a wall's particles fill; its surface is where the fluid begins.
+    slides
+        A wall whose velocity is that of its surface along itself, and whose particles keep their
+        places: the lid of a cavity, a turning cylinder. Other walls are moved by their velocity.
 
     Raises
     ------
@@ -55,10 +58,13 @@ class Phase:
     velocity: Velocity = None
     spacing: float | None = None
     surface: Shape | None = None
+    slides: bool = False
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
             raise InputError("kind", self.kind, f"one of {', '.join(KINDS)}")
+        if self.slides and self.kind != "wall":
+            raise InputError(f"slides of '{self.name}'", True, "False for what is no wall")
         points = np.asarray(self.points, dtype=float)
         if points.ndim != 2 or not 1 <= points.shape[1] <= 3:
             raise InputError(f"points of '{self.name}'", points.shape, "an array of shape (n, D)")

@@ -47,6 +47,7 @@ def build_particles(
     particles.set("v", concatenate([p.velocities() for p in phases]))
     particles.set("group", np.repeat(np.arange(len(phases)), sizes))
     particles.set("is_wall", np.repeat([p.kind == "wall" for p in phases], sizes))
+    particles.set("slides", np.repeat([p.slides for p in phases], sizes))
     density = np.repeat([p.material.density for p in phases], sizes)
     volume = concatenate([p.volume for p in phases])  # type: ignore[arg-type]
     particles.set("density", density)
@@ -96,7 +97,7 @@ def add_wall_geometry(particles: Particles, phases: list[Phase]) -> None:
     for p in phases:
         rows = slice(first, first + len(p.points))
         first += len(p.points)
-        if p.kind != "wall" or p.surface is None or not len(p.points):
+        if p.kind != "wall" or p.surface is None or not len(p.points):  # the normal stays zero
             continue
         step = 1e-3 * p.particle_spacing
         normal[rows] = p.surface.normal(p.points, step)

@@ -17,8 +17,10 @@ def kick(i, v, a, dt, *, DIM):
 
 
 @particle_loop
-def drift(i, x, transport, dt, *, DIM):
-    """x += dt v, or dt (v + δv) with shifting."""
+def drift(i, slides, x, transport, dt, *, DIM):
+    """x += dt v, or dt (v + δv) with shifting; walls that slide keep their places."""
+    if slides[i]:
+        return
     for d in range(DIM):
         x[i, d] += dt * transport[i, d]
 
@@ -104,8 +106,10 @@ def remember(i, x, v, density, a, density_rate, x0, v0, density0, a0, density_ra
 
 
 @particle_loop
-def predict(i, is_wall, x, v, density, a, density_rate, dt, *, DIM):
+def predict(i, is_wall, slides, x, v, density, a, density_rate, dt, *, DIM):
     """The Euler predictor: x, v and ρ a step on with the rates at its beginning."""
+    if slides[i]:
+        return
     for d in range(DIM):
         x[i, d] += dt * v[i, d]
         v[i, d] += dt * a[i, d]
@@ -115,9 +119,26 @@ def predict(i, is_wall, x, v, density, a, density_rate, dt, *, DIM):
 
 @particle_loop
 def correct(
-    i, is_wall, x, v, density, a, density_rate, x0, v0, density0, a0, density_rate0, dt, *, DIM
+    i,
+    is_wall,
+    slides,
+    x,
+    v,
+    density,
+    a,
+    density_rate,
+    x0,
+    v0,
+    density0,
+    a0,
+    density_rate0,
+    dt,
+    *,
+    DIM,
 ):
     """The trapezoidal corrector: the mean of the rates at both ends of the step."""
+    if slides[i]:
+        return
     half = 0.5 * dt
     for d in range(DIM):
         x[i, d] = x0[i, d] + half * (v0[i, d] + v[i, d])

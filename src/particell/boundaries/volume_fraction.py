@@ -54,7 +54,7 @@ import math
 import numpy as np
 from numba import njit
 
-from particell.compute.loop import FASTMATH, particle_loop
+from particell.compute.loop import FASTMATH, compiled, particle_loop
 from particell.kernels import kernel_code, normalisation, power, shape_f, shape_w
 from particell.laws.pairs import image_offset
 
@@ -73,6 +73,15 @@ NODES = 96
 LEAST = 1e-9
 
 
+@compiled
+def _shapes(q, code):
+    """The kernel without its normalisation at many distances."""
+    found = np.empty(len(q))
+    for k in range(len(q)):
+        found[k] = shape_w(q[k], code)
+    return found
+
+
 def layer_density(kernel: str, dim: int, distance: np.ndarray) -> np.ndarray:
     """The kernel integrated over a plane at a distance in supports, in 1/support."""
     code = kernel_code(kernel)
@@ -80,13 +89,13 @@ def layer_density(kernel: str, dim: int, distance: np.ndarray) -> np.ndarray:
     near = np.abs(distance) < 1.0
     t = np.abs(distance[near])
     if dim == 1:
-        values = np.array([shape_w.py_func(q, code) for q in t])
+        values = _shapes(t, code)
     else:
         nodes, weights = np.polynomial.legendre.leggauss(NODES)
         half = 0.5 * np.sqrt(1.0 - t**2)[:, None]
         across = half * (nodes + 1.0)
         r = np.sqrt(t[:, None] ** 2 + across**2)
-        w = np.array([shape_w.py_func(q, code) for q in r.ravel()]).reshape(r.shape)
+        w = _shapes(r.ravel(), code).reshape(r.shape)
         ring = 2.0 if dim == 2 else 2.0 * math.pi * across
         values = (half * weights * ring * w).sum(axis=-1)
     found[near] = normalisation(code, dim) * values

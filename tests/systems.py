@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import itertools
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -115,3 +116,29 @@ def same_bits(one: Simulation, two: Simulation) -> list[str]:
     """Names of the fields that differ in any bit."""
     first, second = one.state()["fields"], two.state()["fields"]
     return [name for name in first if first[name].tobytes() != second[name].tobytes()]
+
+
+def resting_poiseuille_error(scheme, ny: int, surface: bool = True) -> float:
+    """L2 error of the steady velocity between plates on a resting lattice; its largest is 1.
+
+    The viscous force there is a linear function of the rows' velocities: its matrix, column by
+    column, from the sweep itself. Without ``surface`` the walls do not know where theirs is.
+    """
+    domain = Domain((0, 0), (8, ny), periodic="x", depth=1.0)
+    material = unit_fluid(viscosity=1.0, sound_speed=1.0)
+    walls = channel_walls(domain, material, 1.0, axis=1)
+    if not surface:
+        walls = [replace(wall, surface=None) for wall in walls]
+    simulation = Simulation(domain, [fluid(domain, material, 1.0), *walls], scheme)
+    simulation.start()
+    p = simulation.particles
+    inside = fluid_rows(simulation)
+    row = np.floor(p.host("x")[:, 1]).astype(int)
+    first = [np.flatnonzero(inside & (row == k))[0] for k in range(ny)]
+    matrix = np.empty((ny, ny))
+    for k in range(ny):
+        p.set("v", ((row == k) & inside)[:, None] * np.array([1.0, 0.0]))
+        simulation.solver.accelerate(0, 1.0)
+        matrix[:, k] = p.host("a")[first, 0]
+    u, s = np.linalg.solve(matrix, np.full(ny, -8 / ny**2)), p.host("x")[first, 1] / ny
+    return float(np.sqrt(((u - 4 * s * (1 - s)) ** 2).mean()))

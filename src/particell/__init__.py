@@ -19,6 +19,7 @@ except PackageNotFoundError:  # a source tree that is not installed
 
 if TYPE_CHECKING:
     from particell.boundaries.mean_velocity import MeanVelocity
+    from particell.boundaries.moving import WallMotion
     from particell.boundaries.reflection import Reflection
     from particell.boundaries.sponge import Sponge
     from particell.chemistry.reactions import Reaction
@@ -61,6 +62,7 @@ _HOME = {
     "Phase": "phases",
     "Reaction": "chemistry.reactions",
     "Reflection": "boundaries.reflection",
+    "WallMotion": "boundaries.moving",
     "Reservoir": "chemistry.reservoirs",
     "Run": "output.run",
     "RunError": "errors",
@@ -117,6 +119,7 @@ __all__ = [
     "Static",
     "SteadyState",
     "TransportVelocity",
+    "WallMotion",
     "box_walls",
     "channel_walls",
     "export_vtkhdf",

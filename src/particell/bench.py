@@ -20,10 +20,11 @@ from particell.chemistry.species import Species
 from particell.compute.threads import set_threads
 from particell.geometry.domain import Domain
 from particell.materials import BOLTZMANN, Fluid
-from particell.phases import fluid
+from particell.phases import box_walls, fluid
 from particell.schemes.sdpd import SDPD
 from particell.schemes.sdpd_solver import SDPDSolver
 from particell.schemes.static import Static
+from particell.schemes.transport_velocity import TransportVelocity
 from particell.simulation import Simulation
 
 SIZE = {2: 200, 3: 34}
@@ -56,6 +57,16 @@ def flow(dim: int, fluctuations: bool) -> Simulation:
     )
     scheme = SDPD(support=SUPPORT[dim], fluctuations=fluctuations, skin=SKIN[dim])
     return Simulation(domain, fluid(domain, material, 1 / n, velocity=vortex), scheme)
+
+
+def walled(impenetrable: bool = True) -> Simulation:
+    """The vortex in a closed box with no-slip walls, by the transport-velocity scheme."""
+    n = SIZE[2]
+    domain = Domain((0, 0), (1, 1), depth=1.0)
+    material = Fluid(density=1.0, viscosity=VISCOSITY, sound_speed=10.0)
+    inside = fluid(domain, material, 1 / n, velocity=lambda x: vortex(x + 0.25))
+    scheme = TransportVelocity(support=SUPPORT[2], skin=SKIN[2], impenetrable=impenetrable)
+    return Simulation(domain, [inside, *box_walls(domain, material, 1 / n)], scheme)
 
 
 def molecules(number: int) -> Simulation:
@@ -149,6 +160,19 @@ def flow_entries(dim: int, threads: int) -> list[dict[str, Any]]:
     return rows
 
 
+def wall_entries(threads: int) -> list[dict[str, Any]]:
+    """Whole steps with walls that nothing penetrates, in particles (walls included) per second."""
+    simulation = walled()
+    number = STEPS[2]
+    simulation.advance(number)
+    builds, steps = simulation.neighbours.builds, simulation.step
+    seconds = best_time(lambda: simulation.advance(number))
+    every = (simulation.step - steps) / max(1, simulation.neighbours.builds - builds)
+    rate = number * len(simulation.particles) / seconds
+    name = "transport-velocity step 2D, walls"
+    return [entry(name, simulation, threads, rate, steps_per_build=round(every, 1))]
+
+
 def molecule_entries(threads: int) -> list[dict[str, Any]]:
     """Jumps per second at 20 molecules a particle; particles per second at 200 and 2000."""
     rows = []
@@ -196,6 +220,7 @@ def main(json_file: str | Path | None = None) -> list[dict[str, Any]]:
             set_threads(threads)
             for dim in (2, 3):
                 rows += flow_entries(dim, threads)
+            rows += wall_entries(threads)
             rows += molecule_entries(threads)
     finally:
         set_threads(every)

@@ -67,7 +67,8 @@ class Constraints:
         self._seen = self.simulation.neighbours.builds
 
     def reflect(self) -> None:
-        """Mirror what has crossed a reflecting surface."""
+        """Mirror what has crossed a reflecting surface, and put what has crossed a wall back."""
+        self.simulation.walls.turn_back()
         if self.surfaces:
             self._bind()
             self._reflect(len(self.simulation.particles))
@@ -122,10 +123,7 @@ class Constraints:
         if "bounces" in particles:
             mobile = particles.host("is_wall") == 0
             x = np.array(particles.host("x")[mobile], dtype=float)
-            inside = np.zeros(len(x), dtype=bool)
-            for phase in self.simulation.phases:
-                if phase.kind == "wall" and phase.surface is not None:
-                    inside |= phase.surface.signed_distance(x) < 0
+            inside = self.simulation.walls.inside(x, self.simulation.time)
             found["bounces"] = float(particles.host("bounces").sum())
             found["inside walls"] = float(inside.sum())
         return found

@@ -97,7 +97,7 @@ def add_wall_geometry(particles: Particles, phases: list[Phase]) -> None:
     for p in phases:
         rows = slice(first, first + len(p.points))
         first += len(p.points)
-        if p.kind != "wall" or p.surface is None or not len(p.points):
+        if p.kind != "wall" or p.surface is None or not len(p.points):  # the normal stays zero
             continue
         step = 1e-3 * p.particle_spacing
         normal[rows] = p.surface.normal(p.points, step)

@@ -16,8 +16,10 @@ import numpy as np
 
 from particell import snapshot
 from particell.boundaries.mean_velocity import MeanVelocity
+from particell.boundaries.moving import WallMotion
 from particell.boundaries.reflection import Reflection
 from particell.boundaries.sponge import Sponge
+from particell.chemistry.carriage import Carriage
 from particell.chemistry.engine import Chemistry
 from particell.chemistry.reactions import Reaction
 from particell.chemistry.reservoirs import FixedValueWall, FluxWall, Reservoir
@@ -34,12 +36,13 @@ from particell.schemes.static import Static, StaticSolver
 from particell.schemes.timestep import step_limits
 from particell.setup import build_materials, build_neighbours, build_particles, lattice_sum
 from particell.speeds import Scheme, default_sound_speed, initial_speed
+from particell.walls import Walls
 
 if TYPE_CHECKING:
     from particell.observers import Stop
     from particell.output.run import Run
 
-Boundary = Reflection | Sponge | MeanVelocity | Reservoir | FixedValueWall | FluxWall
+Boundary = Reflection | WallMotion | Sponge | MeanVelocity | Reservoir | FixedValueWall | FluxWall
 #: A chemistry step moves particles by at most this part of the support.
 CHEMISTRY_MOTION = 0.1
 #: An automatic time step is chosen anew where it is larger by this factor than the flow allows.
@@ -62,7 +65,8 @@ class Simulation:
     species, reactions
         What the particles carry.
     boundaries
-        Reflecting surfaces, sponges, reservoirs, walls with fixed concentrations or fluxes.
+        Reflecting surfaces, motions of walls, sponges, reservoirs, walls with fixed concentrations
+        or fluxes.
     forces
         :class:`~particell.laws.buoyancy.Buoyancy`.
     seed
@@ -115,7 +119,7 @@ class Simulation:
         self.depth = domain.depth if domain.depth is not None else spacing
         self.depth_factor = self.depth ** (3 - dim)
         self.static = isinstance(scheme, Static)
-        self._speed = initial_speed(self.phases, scheme, self.depth_factor)
+        self._speed = initial_speed(self.phases, scheme, self.depth_factor, boundaries)
         sound_speed = default_sound_speed(domain, self.phases, scheme, self._speed)
         self.materials, index = build_materials(self.phases, sound_speed)
         self.particles = build_particles(self.device, domain, self.phases, index, scheme.support)
@@ -123,6 +127,7 @@ class Simulation:
             total = lattice_sum(scheme.kernel, scheme.support, dim)
             self.particles.set("mass", self.particles.host("mass") / total)
         self.neighbours = build_neighbours(self.device, domain, self.particles, scheme.skin or 0.1)
+        self.walls = Walls(self, boundaries)
         self.solver = scheme.solver(
             device, domain, self.particles, self.neighbours, self.materials, seed, self.depth_factor
         )
@@ -142,12 +147,17 @@ class Simulation:
                 splitting=splitting,
                 at_rest=self.static,
             )
+            if getattr(scheme, "species_flux", False):
+                carriage = Carriage(self)
+                self.solver.carry_species = carriage.apply  # type: ignore[union-attr]
         elif reactions:
             raise InputError("reactions", list(reactions), "empty without species")
         self._books = any(getattr(b, "values", getattr(b, "species", None)) for b in boundaries)
         self.constraints = Constraints(self, boundaries)
         if not isinstance(self.solver, StaticSolver):
             self.solver.after_drift = self.constraints.reflect  # type: ignore[method-assign]
+            self.solver.move_walls = self._move_walls  # type: ignore[method-assign]
+            self.solver.before_pairs = self.walls.measure  # type: ignore[method-assign]
             acting = Forces(self, forces)
             self.solver.after_forces = acting.apply  # type: ignore[method-assign]
             self.solver.after_wall_pressure = acting.add_wall_heads  # type: ignore[method-assign]
@@ -241,6 +251,7 @@ class Simulation:
             return
         self._started = True
         begin, compiling = clock.perf_counter(), CompileLog.seconds
+        self.walls.move(self.time)
         self.solver.initialise(self.step, self.dt)
         self.constraints.renew()
         self.monitor.check()
@@ -264,6 +275,7 @@ class Simulation:
         solver, constraints, dt = self.solver, self.constraints, self.dt
         for _ in range(steps):
             solver.step(self.step, dt)
+            self.walls.bounce_back()
             constraints.relax(self.step, dt)
             self.step += 1
             if chemistry is not None and self.step % every == 0:
@@ -273,6 +285,9 @@ class Simulation:
         self.monitor.check()
         self._wall_seconds += clock.perf_counter() - begin
         self._compile_seconds += CompileLog.seconds - compiling
+
+    def _move_walls(self, part: float) -> None:
+        self.walls.move(self.time + part * self.dt)
 
     def run(
         self,

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
+from particell.boundaries.moving import WallMotion
 from particell.geometry.domain import Domain
 from particell.materials import BOLTZMANN
 from particell.phases import Phase
@@ -19,12 +21,21 @@ from particell.schemes.transport_velocity import TransportVelocity
 Scheme = SDPD | TransportVelocity | Static
 
 
-def initial_speed(phases: Sequence[Phase], scheme: Scheme, depth_factor: float) -> float:
-    """Largest initial or expected speed in m/s; with noise, the thermal one of a particle added."""
+def initial_speed(
+    phases: Sequence[Phase], scheme: Scheme, depth_factor: float, boundaries: Sequence[Any] = ()
+) -> float:
+    """Largest initial or expected speed in m/s; with noise, the thermal one of a particle added.
+
+    Of walls that move the constant part counts; give others as ``reference_speed``.
+    """
     fastest = max(
         (float(np.linalg.norm(p.velocities(), axis=1).max(initial=0.0)) for p in phases),
         default=0.0,
     )
+    for motion in boundaries:
+        if isinstance(motion, WallMotion):
+            points = [p.points for p in phases if p.name == motion.group]
+            fastest = max([fastest, *(motion.constant_speed(x) for x in points)])
     if not isinstance(scheme, Static):
         fastest = max(fastest, scheme.reference_speed)
         if scheme.fluctuations:

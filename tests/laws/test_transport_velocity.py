@@ -197,10 +197,14 @@ def test_what_is_exchanged_is_conserved(dim):
     assert np.abs(rate).max() > 1e-3
 
 
-def mode_matrix(dim, support, wave):
-    """K of δs = K u for displacements u exp(ik·x) of the unit lattice: negative restores."""
-    reach = range(-int(support), int(support) + 1)
+def mode_matrix(dim, support, wave, basis=None):
+    """K of δs = K u for displacements u exp(ik·x) of a lattice: negative restores.
+
+    ``basis``: rows that span it, a unit volume each; the unit lattice by default.
+    """
+    reach = range(-int(support) - 2, int(support) + 3)
     x = np.array([o for o in itertools.product(reach, repeat=dim) if any(o)], float)
+    x = x if basis is None else x @ basis
     r = np.linalg.norm(x, axis=1)
     x, r = x[r < support], r[r < support]
     q = r / support
@@ -226,6 +230,18 @@ def test_the_shift_returns_every_mode_of_a_lattice(dim):
     assert growth(dim, 16, SUPPORT) < -1e-4
     assert growth(dim, 16, 3.0) > 0.1
     assert TransportVelocity().support == SUPPORT
+
+
+def test_the_shift_returns_every_mode_of_a_hexagonal_lattice():
+    edge = np.sqrt(2 / np.sqrt(3))
+    basis = edge * np.array([[1.0, 0.0], [0.5, np.sqrt(0.75)]])
+    reciprocal = 2 * np.pi * np.linalg.inv(basis).T
+    waves = [np.array(k) / 16 @ reciprocal for k in itertools.product(range(16), repeat=2)]
+    largest = {
+        h: max(np.linalg.eigvalsh(mode_matrix(2, h, w, basis)).max() for w in waves[1:])
+        for h in (SUPPORT, 3.0)
+    }
+    assert largest[SUPPORT] < -1e-4 and largest[3.0] > 0.01
 
 
 @pytest.mark.parametrize("dim", [2, 3])

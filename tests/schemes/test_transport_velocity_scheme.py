@@ -12,7 +12,7 @@ from particell.geometry.fill import lattice
 from particell.phases import Phase, channel_walls, fluid
 from particell.schemes.transport_velocity import TransportVelocity
 from particell.simulation import Simulation
-from systems import fluid_rows, same_bits, unit_fluid
+from systems import fluid_rows, resting_poiseuille_error, same_bits, unit_fluid
 
 
 def box(dim, side=10, jitter=0.0, velocity=None, species=(), dt="auto", material=None, **scheme):
@@ -141,6 +141,22 @@ def test_flow_between_plates_starts_as_the_series_says():
         error = p.host("v")[rows, 0] - expected
         assert np.sqrt(np.mean(error**2)) < 6e-3
     assert simulation.conservation()["inside walls"] == 0
+
+
+@pytest.mark.parametrize("surface", [True, False])
+@pytest.mark.parametrize(
+    ("support", "kernel"), [(2.6, "lucy"), (3.0, "lucy"), (3.0, "wendland-c2")]
+)
+def test_normalised_viscosity_is_second_order_between_plates(support, kernel, surface):
+    """Whatever the kernel and whether the walls' surface is known; the plain sum has a floor."""
+    errors = {}
+    for normalise in (True, False):
+        scheme = TransportVelocity(kernel, support, normalise_viscosity=normalise)
+        errors[normalise] = [resting_poiseuille_error(scheme, ny, surface) for ny in (20, 40, 80)]
+    good = errors[True]
+    assert np.log2(good[0] / good[1]) > 1.85 and np.log2(good[1] / good[2]) > 1.8
+    assert good[1] < 1.3e-3 and good[2] < 3.5e-4
+    assert errors[False][2] > good[2]
 
 
 def test_restart_and_threads_give_the_same_bits():

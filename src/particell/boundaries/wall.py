@@ -38,3 +38,18 @@ def surface_distance(tx, ty, tz, nx, ny, nz, curvature):
 def extrapolation(distance, depth, support):
     """The factor 1 + d_j/d_i by which a difference to the wall's value grows."""
     return 1.0 + depth / max(distance, CLOSEST * support)
+
+
+@njit(inline="always")
+def plane_extrapolation(i, dx, dy, dz, wall_direction, wall_distance, support, DIM):
+    """The same for a wall particle at x_i − (dx, dy, dz) of a wall without a known surface.
+
+    With the direction and the distance d_i of :mod:`particell.boundaries.volume_fraction`, and
+    what is left of the way to the particle as its depth.
+    """
+    along = wall_direction[i, 0] * dx
+    if DIM > 1:
+        along += wall_direction[i, 1] * dy
+    if DIM > 2:
+        along += wall_direction[i, 2] * dz
+    return extrapolation(wall_distance[i], max(along - wall_distance[i], 0.0), support)

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from particell.boundaries.wall import extrapolation, surface_distance
+from particell.boundaries.wall import extrapolation, plane_extrapolation, surface_distance
 from particell.compute.batches import batch_buffer, batch_row, whole_lanes
 from particell.compute.device import Device
 from particell.compute.loop import particle_loop
@@ -41,7 +41,14 @@ MIXTURE = 3
 
 
 def batch_fields(
-    device: Device, n: int, dim: int, uniform: bool, walls: bool, mixed: bool, noise: bool
+    device: Device,
+    n: int,
+    dim: int,
+    uniform: bool,
+    walls: bool,
+    mixed: bool,
+    noise: bool,
+    normal: bool,
 ) -> dict[str, Any]:
     """The records and the batch that :func:`pack` and :func:`rates` need, by argument name."""
 
@@ -56,6 +63,8 @@ def batch_fields(
         "near_support": buffer(not uniform),
         "near_mixture": buffer(mixed, MIXTURE),
         "near_id": buffer(noise, dtype=np.int64),
+        "near_sum": buffer(normal),
+        "kernel_sum": device.zeros(n if normal else 1),
     }
 
 
@@ -83,6 +92,9 @@ def rates(
     wall_normal,
     wall_depth,
     wall_curvature,
+    wall_direction,
+    wall_distance,
+    kernel_sum,
     start,
     split,
     stop,
@@ -102,6 +114,7 @@ def rates(
     near_support,
     near_mixture,
     near_id,
+    near_sum,
     a,
     density_rate,
     shift,
@@ -126,6 +139,8 @@ def rates(
     WALLS,
     SHIFT,
     SWITCH,
+    NORMAL,
+    UNKNOWN,
 ):
     """Density rate (kg/m³/s) and acceleration (m/s²) of particle i.
 
@@ -134,7 +149,8 @@ def rates(
     2 δ h c₀ by group. ``inverse_dt`` is 1/dt, by which the squared noise grows. The arrays
     ``near…`` are the batch: differences of position and velocity, the neighbour's ρ, V, m, P/ρ²,
     the factor of a wall's difference of velocity, the pair's support, its friction coefficients
-    and k_B T where they differ, the neighbour's id.
+    and k_B T where they differ, the neighbour's id, the pair's mean kernel sum. With ``NORMAL``
+    friction is divided by that; with ``UNKNOWN`` some walls have no known surface.
     """
     if is_wall[i]:
         for d in range(DIM):
@@ -247,6 +263,10 @@ def rates(
                         wall_curvature[j],
                     )
                     grow = extrapolation(distance, depth, hi)
+                    if UNKNOWN and nx == 0.0 and ny == 0.0 and nz == 0.0:
+                        grow = plane_extrapolation(
+                            i, dx, dy, dz, wall_direction, wall_distance, hi, DIM
+                        )
                     if DELTA and DENSITY:
                         near_matter[to] = density_i  # walls take no part in δ
                     gj = g  # and have the friction of the fluid
@@ -259,6 +279,9 @@ def rates(
                 near_mixture[put] = across_ij
                 near_mixture[put + np.uint64(1)] = harmonic_mean(along_i, along_j) - across_ij
                 near_mixture[put + np.uint64(2)] = harmonic_mean(thermal[g], thermal[gj])
+            if NORMAL:  # that of walls, at the edge of what there is, is no measure
+                other_sum = kernel_sum[j] if k < first_wall else kernel_sum[i]
+                near_sum[c] = 0.5 * (kernel_sum[i] + other_sum)
             c += np.uint64(r2 < reach2)
             if SWITCH:
                 fluid_end = c if k < first_wall else fluid_end
@@ -267,6 +290,8 @@ def rates(
             near[q * width] = 2.0 * hi
             if not UNIFORM:
                 near_support[q] = hi
+            if NORMAL:
+                near_sum[q] = 1.0
         for q in range(row, filled):
             at = q * width
             dx = near[at]
@@ -309,6 +334,8 @@ def rates(
                     radial_ij = near_mixture[put + np.uint64(1)]
                     strength = 2.0 * near_mixture[put + np.uint64(2)] * inverse_dt
                 friction = pair_friction(weight, inverse_density)
+                if NORMAL:
+                    friction /= near_sum[q]
                 if SWITCH:
                     if SWITCH == 2:
                         own_term = -term_i

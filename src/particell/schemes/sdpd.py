@@ -12,6 +12,7 @@ Español & Revenga, Phys. Rev. E 67 (2003) 026705; Drawert, Jacob, Li, Yi & Petz
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 from particell.compute.device import Device
 from particell.compute.neighbours import NeighbourList
@@ -60,6 +61,9 @@ class SDPD:
     skin
         What the neighbour list adds to the support, as a part of it; None means 0.1 without
         noise and 0.3 with it. Changes speed only.
+    impenetrable
+        Bounce particles back that have crossed a wall's surface, as
+        :class:`~particell.schemes.transport_velocity.TransportVelocity` does.
 
     Raises
     ------
@@ -79,6 +83,9 @@ class SDPD:
     reference_speed: float = 0.0
     pressure_drop: float = 0.0
     skin: float | None = None
+    impenetrable: bool = False
+
+    normalise_viscosity: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         if self.skin is None:

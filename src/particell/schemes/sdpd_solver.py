@@ -14,6 +14,7 @@ from particell.compute.reduce import Reduction
 from particell.errors import InputError
 from particell.geometry.domain import Domain
 from particell.kernels import kernel_code, normalisation
+from particell.laws.diffusion import kernel_sums
 from particell.laws.viscosity import friction_coefficients
 from particell.materials import BOLTZMANN, Fluid
 from particell.particles import Particles
@@ -137,14 +138,23 @@ class SDPDSolver:
             "WALLS": bool(neighbours.constants["WALLS"]),
             "SHIFT": self.shifting,
             "SWITCH": 0,
+            "NORMAL": scheme.normalise_viscosity,
+            "UNKNOWN": "wall_distance" in particles,
             "BATCH": batch_size(device),
             "RECORD": RECORD[dim],
             "MATTER": MATTER[dim],
         }
         o = self.options
         self.constants |= batch_fields(
-            device, self.n, dim, o["UNIFORM"], o["WALLS"], o["MIXED"], o["NOISE"]
+            device, self.n, dim, o["UNIFORM"], o["WALLS"], o["MIXED"], o["NOISE"], o["NORMAL"]
         )
+        for name, shape in (
+            ("wall_direction", (1, dim)),
+            ("wall_distance", 1),
+            ("wall_acceleration", (1, dim)),
+        ):
+            if name not in particles:
+                self.constants[name] = device.zeros(shape)
         self.shift_pressure = scheme.shifting * max(
             m.density * (m.sound_speed or 0.0) ** 2 for m in by_group
         )
@@ -177,7 +187,7 @@ class SDPDSolver:
         if self.leapfrog:
             half = {**fields, "density": fields["density_half"]}
             quiet = {**o, "NOISE": False, "SHIFT": False, "MIXED": False, "RADIAL": False}
-            quiet["SWITCH"] = 0
+            quiet |= {"SWITCH": 0, "NORMAL": False}
             self._density_rates = bind(rates, half, **quiet, DENSITY=True, FORCE=False)
             self._pack_half = bind(pack, half, **record)
             self.predict_density = bind(updates.predict_density, fields)
@@ -185,7 +195,10 @@ class SDPDSolver:
         self._forces = bind(rates, fields, **o, DENSITY=False, FORCE=True)
         self._all_rates = bind(rates, fields, **o, DENSITY=continuity, FORCE=True)
         self.sum_density = bind(summed_density, fields, **small)
-        self.wall_pressure = bind(wall_pressure, fields, DIM=self.dim, KERNEL=o["KERNEL"])
+        moving = "wall_acceleration" in self.particles
+        self.wall_pressure = bind(wall_pressure, fields, **dim, KERNEL=o["KERNEL"], MOVING=moving)
+        if o["NORMAL"]:
+            self._kernel_sums = bind(kernel_sums, fields, **small)
         self.kick = bind(updates.kick, fields, **dim)
         self.drift = bind(updates.drift, fields, **dim)
         self.equation_of_state = bind(updates.equation_of_state, fields)
@@ -248,13 +261,16 @@ class SDPDSolver:
         self._renew_list(dt)
         if self.summation:
             self.drift(n, dt)
+            self.move_walls(1.0)
             self.after_drift()
             self._thermodynamics(0.0)
         else:
             self.drift(n, 0.5 * dt)
+            self.move_walls(0.5)
             self.predict_density(n, 0.5 * dt)
             self.density_rates(step)
             self.drift(n, 0.5 * dt)
+            self.move_walls(1.0)
             self.after_drift()
             self._thermodynamics(dt)
         self.accelerate(step + 1, dt)
@@ -267,11 +283,19 @@ class SDPDSolver:
         self.rates(step, dt)
         self.remember(n)
         self.predict(n, dt)
+        self.move_walls(1.0)
         self._thermodynamics(0.0)
         self.rates(step, dt)
         self.correct(n, dt)
+        self.move_walls(1.0)
         self.after_drift()
         self._thermodynamics(0.0)
+
+    def move_walls(self, part: float) -> None:
+        """Called when positions have reached this part of the step (walls that move)."""
+
+    def before_pairs(self) -> None:
+        """Called before sums over neighbours (distances from walls without a known surface)."""
 
     def after_drift(self) -> None:
         """Called when positions have reached the end of the step (reflecting surfaces)."""
@@ -299,17 +323,24 @@ class SDPDSolver:
 
     def density_rates(self, step: int) -> None:
         """Density rate at the half step (velocity-Verlet)."""
+        self.before_pairs()
         self._pack_half(self.n)
         self._density_rates(self.n, step, 0.0)
 
     def accelerate(self, step: int, dt: float) -> None:
         """Acceleration; ``dt`` scales the noise."""
-        self._pack(self.n)
+        self._before_forces()
         self._forces(self.n, step, 1.0 / dt)
         self.after_forces()
 
+    def _before_forces(self) -> None:
+        self.before_pairs()
+        if self.options["NORMAL"]:
+            self._kernel_sums(self.n)
+        self._pack(self.n)
+
     def rates(self, step: int, dt: float) -> None:
         """Density rate (unless it is summed) and acceleration in one sweep."""
-        self._pack(self.n)
+        self._before_forces()
         self._all_rates(self.n, step, 1.0 / dt)
         self.after_forces()

@@ -69,14 +69,17 @@ def wall_pressure(
     gravity,
     background,
     group,
+    wall_acceleration,
     pressure_term,
     *,
     DIM,
     KERNEL,
+    MOVING,
 ):
     """Pressure of wall particle i, extrapolated from the fluid (Adami, Hu & Adams 2012, Eq. 27).
 
-    P_w = Σ_f (P_f + ρ_f g·(x_w − x_f)) W_wf / Σ_f W_wf; the background pressure where no fluid is.
+    P_w = Σ_f (P_f + ρ_f (g − a_w)·(x_w − x_f)) W_wf / Σ_f W_wf, with the acceleration a_w of walls
+    that move; the background pressure where no fluid is.
     """
     if not is_wall[i]:
         return
@@ -88,7 +91,10 @@ def wall_pressure(
         for d in range(DIM):
             s = image_offset(x, i, j, d, wraps, period, inverse_period)
             r2 += s * s
-            head += gravity[d] * s
+            if MOVING:
+                head += (gravity[d] - wall_acceleration[i, d]) * s
+            else:
+                head += gravity[d] * s
         w = wall_weight(r2, support, i, j, KERNEL)
         weights += w
         total += w * (pressure[j] + density[j] * head)

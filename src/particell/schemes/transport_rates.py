@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from particell.boundaries.wall import extrapolation, surface_distance
+from particell.boundaries.wall import extrapolation, plane_extrapolation, surface_distance
 from particell.compute.batches import batch_buffer, batch_row, whole_lanes
 from particell.compute.device import Device
 from particell.compute.loop import particle_loop
@@ -41,7 +41,8 @@ def flux_fields(
     """Records (of ``record`` numbers) and batch of :func:`flux_rates`, by argument name."""
     return {
         "flux_record": device.zeros(n * record),
-        "flux_near": batch_buffer(device, n, 3 * dim + 2),
+        "flux_near": batch_buffer(device, n, 2 * dim),
+        "flux_matter": batch_buffer(device, n, dim + 2),
         "flux_wall": batch_buffer(device, n if walls else 0, 2),
         "flux_support": batch_buffer(device, 0 if uniform else n),
     }
@@ -68,6 +69,8 @@ def flux_rates(
     wall_normal,
     wall_depth,
     wall_curvature,
+    wall_direction,
+    wall_distance,
     start,
     split,
     stop,
@@ -77,6 +80,7 @@ def flux_rates(
     inverse_period,
     alpha,
     flux_near,
+    flux_matter,
     flux_wall,
     flux_support,
     density_rate,
@@ -88,6 +92,7 @@ def flux_rates(
     KERNEL,
     UNIFORM,
     WALLS,
+    UNKNOWN,
     FLUX,
     EXACT,
 ):
@@ -127,7 +132,7 @@ def flux_rates(
     gxx, gyy, gzz, gxy, gyz, gzx = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     ax, ay, az = 0.0, 0.0, 0.0
     dy, dz, dv, dw, qj, rj = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    width = np.uint64(3 * DIM + 2)
+    width, fields = np.uint64(2 * DIM), np.uint64(DIM + 2)
     row = batch_row(i) * np.uint64(BATCH)
     first_wall = np.uint64(split[i])
     last = np.uint64(stop[i]) if WALLS else first_wall
@@ -164,9 +169,9 @@ def flux_rates(
                 flux_near[to + one] = vi - flux_record[of + one]
             if DIM > 2:
                 flux_near[to + two] = wi - flux_record[of + two]
-            to, of = to + dims, of + dims
+            to, of = c * fields, of + dims
             for d in range(DIM + 2):  # δv, ρ, V
-                flux_near[to + np.uint64(d)] = flux_record[of + np.uint64(d)]
+                flux_matter[to + np.uint64(d)] = flux_record[of + np.uint64(d)]
             if not UNIFORM:
                 h = 0.5 * (hi + support[j])
                 flux_support[c] = h
@@ -188,6 +193,10 @@ def flux_rates(
                         wall_curvature[j],
                     )
                     grow, is_fluid = extrapolation(distance, depth, hi), 0.0
+                    if UNKNOWN and nx == 0.0 and ny == 0.0 and nz == 0.0:
+                        grow = plane_extrapolation(
+                            i, dx, dy, dz, wall_direction, wall_distance, hi, DIM
+                        )
                 flux_wall[c * two] = grow
                 flux_wall[c * two + one] = is_fluid
             c += np.uint64(r2 < reach2)
@@ -197,23 +206,23 @@ def flux_rates(
             if not UNIFORM:
                 flux_support[q] = hi
         for q in range(row, filled):
-            at = q * width
+            at, to = q * width, q * fields
             dx = flux_near[at]
             du = flux_near[at + dims]
-            pj = flux_near[at + dims + dims]
+            pj = flux_matter[to]
             r2 = dx * dx
             if DIM > 1:
                 dy = flux_near[at + one]
                 dv = flux_near[at + dims + one]
-                qj = flux_near[at + dims + dims + one]
+                qj = flux_matter[to + one]
                 r2 += dy * dy
             if DIM > 2:
                 dz = flux_near[at + two]
                 dw = flux_near[at + dims + two]
-                rj = flux_near[at + dims + dims + two]
+                rj = flux_matter[to + two]
                 r2 += dz * dz
-            density_j = flux_near[at + dims + dims + dims]
-            volume_j = flux_near[at + dims + dims + dims + one]
+            density_j = flux_matter[to + dims]
+            volume_j = flux_matter[to + dims + one]
             r = math.sqrt(r2)
             if UNIFORM:
                 f = scale * shape_f(r * inverse_h, KERNEL)

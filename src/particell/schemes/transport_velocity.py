@@ -61,8 +61,15 @@ class TransportVelocity:
     filter_every
         Steps between two applications of the density filter; 0 switches it off.
     impenetrable
-        Bounce particles back that have reached a wall's surface, by the boundary volume fraction
+        Bounce particles back that have crossed a wall's surface: at the surface itself where it is
+        known (:mod:`particell.boundaries.impenetrable`), else by the boundary volume fraction
         (:mod:`particell.boundaries.volume_fraction`).
+    normalise_viscosity
+        Divide the friction of each pair by the mean kernel sum (1/D) Σ V F r² of its particles: the
+        viscosity is then exact for quadratic profiles on every lattice. Costs a sweep.
+    species_flux
+        Let the shift carry concentrations between particles (:mod:`particell.laws.species_flux`);
+        otherwise amounts ride with them. Not for molecules.
     gravity, reference_speed, pressure_drop, skin
         As for :class:`~particell.schemes.sdpd.SDPD`.
 
@@ -82,6 +89,8 @@ class TransportVelocity:
     fixed_volume: bool = False
     filter_every: int = 20
     impenetrable: bool = True
+    normalise_viscosity: bool = False
+    species_flux: bool = False
     gravity: tuple[float, ...] | None = None
     reference_speed: float = 0.0
     pressure_drop: float = 0.0

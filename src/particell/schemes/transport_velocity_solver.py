@@ -4,9 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from particell.boundaries.volume_fraction import bounce_back
 from particell.compute.device import Device
 from particell.compute.neighbours import NeighbourList
 from particell.errors import InputError
@@ -56,12 +53,6 @@ class TransportVelocitySolver(SDPDSolver):
         )
         particles.add("flux", self.dim)
         o = self.options
-        self.impenetrable = scheme.impenetrable and o["WALLS"]
-        if self.impenetrable:
-            particles.add("wall_fraction")
-            particles.add("wall_direction", self.dim)
-            particles.add("wall_speed", self.dim)
-            particles.add("bounces", dtype=np.int64)
         o["SWITCH"] = 1 if scheme.pressure_switch else PRESSURE_FORCES[scheme.pressure_force]
         self.FIXED_VOLUME = scheme.fixed_volume
         self.constants |= flux_fields(
@@ -81,15 +72,14 @@ class TransportVelocitySolver(SDPDSolver):
         super()._bind_loops()
         fields = {**self.constants, **self.neighbours.fields, **self.particles.fields}
         bind, dim, o = self.device.bind, self.dim, self.options
-        same = {k: o[k] for k in ("DIM", "RECORD", "BATCH", "KERNEL", "UNIFORM", "WALLS")}
+        same = {
+            k: o[k] for k in ("DIM", "RECORD", "BATCH", "KERNEL", "UNIFORM", "WALLS", "UNKNOWN")
+        }
         self._pack_flux = bind(pack_flux, fields, DIM=dim, RECORD=o["RECORD"])
         form, exact = FORMS[self.scheme.momentum_flux], self.scheme.renormalise
         self._flux_rates = bind(flux_rates, fields, **same, FLUX=form, EXACT=exact)
         self._add_flux = bind(updates.kick, {**fields, "a": fields["flux"]}, DIM=dim)
         self._filter = bind(filtered_density, fields, DIM=dim, KERNEL=o["KERNEL"])
-
-        if self.impenetrable:
-            self._bounce_back = bind(bounce_back, fields, DIM=dim, KERNEL=o["KERNEL"])
 
     def step(self, step: int, dt: float) -> None:
         """Kick, drift, kick with two sweeps: fluxes half-way, forces at the end of the drift.
@@ -103,9 +93,12 @@ class TransportVelocitySolver(SDPDSolver):
         self.transport_velocity(n, self.shift_pressure, dt)
         self._renew_list(dt)
         self.drift(n, 0.5 * dt)
+        self.move_walls(0.5)
         self.predict_density(n, 0.5 * dt)
         self.density_rates(step)
+        self.carry_species(dt)
         self.drift(n, 0.5 * dt)
+        self.move_walls(1.0)
         self.after_drift()
         self._add_flux(n, dt)
         self._thermodynamics(dt)
@@ -114,13 +107,15 @@ class TransportVelocitySolver(SDPDSolver):
             self.filter_density()
         self.accelerate(step + 1, dt)
         self.kick(n, 0.5 * dt)
-        if self.impenetrable:
-            self._bounce_back(n)
 
     def density_rates(self, step: int) -> None:
         """Density rate and flux of momentum at the half step."""
+        self.before_pairs()
         self._pack_flux(self.n)
         self._flux_rates(self.n)
+
+    def carry_species(self, dt: float) -> None:
+        """Called at the half step (what the shift carries of concentrations)."""
 
     def filter_density(self) -> None:
         """Smooth the fluid's density; pressure, volume and walls follow."""

@@ -70,7 +70,7 @@ class ChannelFlow(Case):
     """The smoothing kernel."""
     support: Annotated[float, Field(ge=2, le=3)] | None = None
     """Its support in particle spacings (at most 3): 2.6, and 3 on the resting lattice."""
-    pressure_force: Literal["difference", "symmetric"] = "difference"
+    pressure_force: Literal["symmetric", "difference"] = "symmetric"
     """Form of the pressure's force (transport velocity)."""
     fixed_volume: bool = True
     """Whether the mean density is kept (transport velocity)."""

@@ -71,7 +71,7 @@ class ChannelFlow(Case):
     """The smoothing kernel."""
     support: Annotated[float, Field(ge=2, le=3)] | None = None
     """Its support in particle spacings (at most 3): 2.6, and 3 on the resting lattice."""
-    pressure_force: Literal["difference", "symmetric"] = "difference"
+    pressure_force: Literal["symmetric", "difference"] = "symmetric"
     """Form of the pressure's force (transport velocity)."""
     fixed_volume: bool = True
     """Whether the mean density is kept (transport velocity)."""
@@ -251,7 +251,7 @@ class ChannelFlow(Case):
 
     @plots.styled
     def _profiles_figure(self, run: Run):
-        figure, axes = plots.new_figure(4.6, 3.4)
+        figure, axes = plots.new_figure(5.6, 3.4)
         fine = np.linspace(0, 1, 201)
         times = [t for t in SHOWN if t < self.end] + [self.end]
         for k, star in enumerate(times):
@@ -265,7 +265,7 @@ class ChannelFlow(Case):
             axes.plot(line.value, line.y, "o", color=colour, mfc="none", ms=3.5, label=name)
         axes.plot([], [], "-", color="black", linewidth=1, label="exact")
         axes.set(xlabel="u / U", ylabel="y / H", ylim=(0, 1))
-        axes.legend()
+        figure.legend(loc="outside right upper")
         return figure
 
     @plots.styled

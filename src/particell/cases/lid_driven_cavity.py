@@ -70,7 +70,7 @@ class LidDrivenCavity(Case):
     """U over the sound speed."""
     momentum_flux: Literal["uniform", "conserving", "none"] = "uniform"
     """Form of the momentum that crosses between particles (transport velocity)."""
-    pressure_force: Literal["difference", "symmetric"] = "difference"
+    pressure_force: Literal["symmetric", "difference"] = "symmetric"
     """Form of the pressure's force (transport velocity)."""
     fixed_volume: bool = True
     """Whether the mean density is kept (transport velocity)."""

@@ -193,9 +193,7 @@ class NaturalConvection(Case):
         support = SUPPORT[self.scheme]
         if self.scheme == "sdpd":
             return SDPD(support=support, shifting=self.shifting, **speeds)
-        return TransportVelocity(
-            support=support, pressure_force="difference", fixed_volume=True, **speeds
-        )
+        return TransportVelocity(support=support, fixed_volume=True, **speeds)
 
     def safeguards(self, phases: list[Phase]) -> list[Reflection]:
         """Reflecting surfaces for plain SPH; the transport velocity has walls that bounce back."""

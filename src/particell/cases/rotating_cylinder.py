@@ -73,7 +73,7 @@ class RotatingCylinder(Case):
     """The smoothing kernel."""
     support: Annotated[float, Field(ge=2, le=3)] = 2.6
     """Its support in particle spacings."""
-    pressure_force: Literal["difference", "symmetric"] = "difference"
+    pressure_force: Literal["symmetric", "difference"] = "symmetric"
     """Form of the pressure's force."""
     end: Annotated[float, Field(gt=0)] = 1.2
     """End of the run in units of (R₂ − R₁)²/ν; the flow starts from rest."""

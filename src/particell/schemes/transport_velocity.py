@@ -55,9 +55,11 @@ class TransportVelocity:
         P̄. ``"difference"``: P_j − P_i, without force where P is uniform, whatever the arrangement,
         and without that resistance, but conserving momentum only to the scheme's order.
     fixed_volume
-        Keep Σ m/ρ of the fluid at its first value by scaling all densities at each build of the
-        neighbour list: for fluid that fills a closed or periodic space, whose mean pressure is
-        arbitrary.
+        Keep Σ m/ρ of the fluid at that of its reference density, by scaling all densities at each
+        build of the neighbour list: for fluid that fills a closed or periodic space, whose mean
+        pressure is arbitrary. Without it the shift lets the density climb by half a per cent or so
+        in a cavity, which is a pressure of ρU²/2, enough to make slow parts of the flow solid (see
+        ``pressure_force``).
     filter_every
         Steps between two applications of the density filter; 0 switches it off.
     impenetrable

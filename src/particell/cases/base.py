@@ -211,6 +211,10 @@ class Case(BaseModel, abc.ABC):
         """Draw the figures into a directory; gives the paths of the PNG files."""
         return []
 
+    def run_options(self) -> dict[str, Any]:
+        """Further options of :meth:`particell.simulation.Simulation.run`."""
+        return {}
+
     def ensemble_metrics(self, ensemble: EnsembleRun) -> dict[str, Metric]:
         """What many realisations come to; by default the mean of each metric of :meth:`analyse`.
 

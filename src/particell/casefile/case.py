@@ -15,6 +15,7 @@ from particell.casefile.checks import check_overlap, check_sound
 from particell.casefile.chemistry import InitialTable, ReactionTable, SpeciesTable
 from particell.casefile.constants import Constants
 from particell.casefile.domain import DomainTable, FluidTable
+from particell.casefile.fills import FillTable
 from particell.casefile.messages import input_error
 from particell.casefile.ordered import resolve_all
 from particell.casefile.phases import PhaseTable
@@ -28,6 +29,15 @@ from particell.errors import InputError, unknown_name
 from particell.output.run import Run
 from particell.phases import Phase
 from particell.simulation import Simulation
+
+#: The tables of several kinds, by the key that they are at.
+UNIONS = {
+    "shapes": ShapeTable,
+    "phases": PhaseTable,
+    "fill": FillTable,
+    "scheme": SchemeTable,
+    "boundaries": BoundaryTable,
+}
 
 
 class FileCase(Case):
@@ -85,7 +95,7 @@ class FileCase(Case):
         try:
             BaseModel.__init__(self, **parameters)
         except ValidationError as error:
-            raise input_error(error, parameters) from None
+            raise input_error(error, parameters, UNIONS) from None
         except RecursionError:
             raise InputError("case file", "this one", "nested less deeply") from None
 

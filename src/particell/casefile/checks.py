@@ -39,7 +39,9 @@ def check_overlap(domain: Domain, phases: Sequence[Phase]) -> None:
     near, nearest = cKDTree(wrapped, boxsize=periods).query(
         wrapped, k=2, distance_upper_bound=float(reach.max())
     )
-    distance, other = near[:, 1], np.minimum(nearest[:, 1], len(points) - 1)
+    # the nearest is the particle itself, or one at the same place
+    other = np.where(nearest[:, 0] == np.arange(len(points)), nearest[:, 1], nearest[:, 0])
+    distance, other = near[:, 1], np.minimum(other, len(points) - 1)
     bad = np.flatnonzero(distance < np.minimum(reach, reach[other]))
     if bad.size:
         i, j = bad[0], other[bad[0]]

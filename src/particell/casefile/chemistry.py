@@ -44,8 +44,11 @@ class ReactionTable(Table):
     """A reaction of mass action, or with a rate law of its own."""
 
     equation: Annotated[str, Field(max_length=1000)]
+    """"R + L <-> RL", "2 A -> B", "0 -> A"."""
     forward: Any
+    """Rate constant, (mol/m^3)^(1-order)/s; one, or one for each group by name (others: 0)."""
     backward: Any
+    """The same for the way back of a reaction with "<->"."""
     only_in: _Groups | None
     units: str
     rate_law: Annotated[str, Field(max_length=1000)] | None = None

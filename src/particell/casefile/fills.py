@@ -63,7 +63,7 @@ class LatticeFill(_FillTable):
         return points, scope.domain.volume / total
 
 
-@describes(arranged)
+@describes(arranged, lattice)
 class ArrangedFill(_FillTable):
     """The whole domain, with points displaced at random, and relaxed if packed."""
 
@@ -71,6 +71,7 @@ class ArrangedFill(_FillTable):
     """What it is."""
     spacing: _Spacing
     kind: Literal["square", "hexagonal", "jittered", "packed"]
+    """A lattice, one that is displaced at random by 0.1 spacings, or a relaxed arrangement."""
     seed: Annotated[int, Field(ge=0, lt=2**56)] = 1
     fixed: tuple[Name, ...] = ()
     """Names of phases whose points "packed" keeps its distance from."""
@@ -87,7 +88,7 @@ class ArrangedFill(_FillTable):
         return points, scope.domain.volume / len(points)
 
 
-@describes(around)
+@describes(around, lattice)
 class AroundFill(_FillTable):
     """The domain around a ball: as many particles as fit beside it, those near it relaxed."""
 

@@ -193,12 +193,16 @@ class Formula:
         try:
             found = self._value(self.tree, values)
         except (ArithmeticError, ValueError, TypeError) as error:
-            if isinstance(error, InputError):
-                raise
-            raise self.error(f"a formula with a result ({error})") from None
+            raise self._without_result(error) from None
         if isinstance(found, complex):
             raise self.error("a formula with a real result")
         return found
+
+    def _without_result(self, error: Exception) -> InputError:
+        """What is wrong where working it out fails."""
+        if isinstance(error, InputError):
+            return error
+        return self.error(f"a formula with a result ({error})")
 
     def _value(self, node: ast.expr, values: Mapping[str, Any]) -> Any:
         if isinstance(node, ast.Constant):
@@ -240,9 +244,11 @@ class Formula:
         units = registry()
         try:
             with np.errstate(all="ignore"):
-                found = self.value(quantities)
+                found = self._value(self.tree, quantities)
         except pint.PintError as error:
             raise self.error(f"a formula whose units go together ({error})") from None
+        except (ArithmeticError, ValueError, TypeError) as error:
+            raise self._without_result(error) from None
         return found if hasattr(found, "dimensionality") else units.Quantity(found, "")
 
     def check_unit(self, quantities: Mapping[str, Any], unit: str) -> None:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import functools
+import math
 import operator
 from collections.abc import Iterable
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, PlainSerializer
 
 from particell.casefile.scope import Scope
 from particell.casefile.table import Name, Position, Table, describes
@@ -15,7 +16,13 @@ from particell.errors import InputError
 from particell.geometry.shapes import Ball, Box, HalfSpace, Shape
 from particell.units import Number, Quantity
 
-_Corner = Annotated[float, Field(allow_inf_nan=True), Quantity("m", infinite=True)]
+_Corner = Annotated[
+    float,
+    Field(allow_inf_nan=True),
+    Quantity("m", infinite=True),
+    # JSON has no infinite numbers
+    PlainSerializer(lambda x: x if math.isfinite(x) else str(x), when_used="json"),
+]
 
 
 class _ShapeTable(Table):
@@ -31,7 +38,9 @@ class BoxTable(_ShapeTable):
     type: Literal["Box"]
     """What it is."""
     lower: Annotated[tuple[_Corner, ...], Field(min_length=1, max_length=3)]
+    """Lower corner."""
     upper: Annotated[tuple[_Corner, ...], Field(min_length=1, max_length=3)]
+    """Upper corner."""
 
     def build(self, scope: Scope) -> Shape:
         """The shape."""

@@ -80,12 +80,13 @@ def describes(
         parameters = inspect.signature(constructor).parameters
         words: dict[str, str] = {}
         for source in (*reversed(also), constructor):
-            words |= described(inspect.getdoc(source) or "")
+            found = described(inspect.getdoc(source) or "")
+            words |= {k: v for k, v in found.items() if not v.startswith(("As for", "See "))}
         fields: dict[str, Any] = {}
         for name, info in table.model_fields.items():
             new = copy.copy(info)
             parameter = parameters.get(name)
-            if parameter and new.is_required() and parameter.default is not parameter.empty:
+            if parameter and new.is_required() and _has_default(parameter, info.annotation):
                 new.default = parameter.default
             new.description = info.description or words.get(name)
             fields[name] = (info.annotation, new)
@@ -100,6 +101,13 @@ def describes(
         return made
 
     return decorate
+
+
+def _has_default(parameter: inspect.Parameter, annotation: Any) -> bool:
+    """Whether a parameter has a default that a file may have too."""
+    if parameter.default is None:
+        return annotation not in (str, int, float)
+    return parameter.default is not parameter.empty
 
 
 def described(docstring: str) -> dict[str, str]:

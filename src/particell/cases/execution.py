@@ -182,16 +182,19 @@ def with_settings(parameters: Mapping[str, Any], settings: Mapping[str, Any]) ->
         *tables, last = path.split(".")
         place: Any = result
         for part in tables:
-            if isinstance(place, list) and part.isdecimal() and 1 <= int(part) <= len(place):
-                place = place[int(part) - 1]
-            elif isinstance(place, dict):
-                place = place.setdefault(part, {})
-            else:
-                raise InputError("--set", path, "the path of a key, such as run.until")
-        if not isinstance(place, dict):
-            raise InputError("--set", path, "the path of a key, such as run.until")
-        place[last] = value
+            key = _key_in(place, part, path)
+            place = place.setdefault(key, {}) if isinstance(place, dict) else place[key]
+        place[_key_in(place, last, path)] = value
     return result
+
+
+def _key_in(place: Any, part: str, path: str) -> Any:
+    """The key of a table, or the index in a list, that a part of a path means."""
+    if isinstance(place, dict):
+        return part
+    if isinstance(place, list) and part.isdecimal() and 1 <= int(part) <= len(place):
+        return int(part) - 1
+    raise InputError("--set", path, "the path of a key, such as run.until or species.1.name")
 
 
 def refuse_used_directory(out: str | Path, overwrite: bool) -> None:

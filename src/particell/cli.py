@@ -87,6 +87,44 @@ def run(
 
 
 @cli.command()
+@click.option(
+    "--out", type=click.Path(path_type=Path), default="case.toml", show_default=True, help="File."
+)
+def new(out: Path) -> int:
+    """Write a commented case file to start from."""
+    from particell.casefile.starting import write_starting_file
+
+    write_starting_file(out)
+    click.echo(f"{out}: look at it, then: particell check {out}; particell run {out}")
+    return 0
+
+
+@cli.command()
+@click.argument("case", metavar="CASE|FILE.toml")
+@click.option("--set", "settings", multiple=True, metavar="KEY=VALUE", help="Set a parameter.")
+@click.option("--timing/--no-timing", default=True, help="Time a few steps (they may compile).")
+@click.option("--threads", type=int, help="CPU threads (default: all).")
+def check(case: str, settings: tuple[str, ...], timing: bool, threads: int | None) -> int:
+    """Say what would run, without running it: particles, time step, memory, time needed."""
+    from particell.casefile.report import report
+
+    for line in report(described_case(case, settings), timing, threads):
+        click.echo(line)
+    return 0
+
+
+@cli.command()
+def schema() -> int:
+    """Print the JSON schema of case files, for editors."""
+    import json
+
+    from particell.casefile.case import FileCase
+
+    click.echo(json.dumps(FileCase.model_json_schema(), indent=1, ensure_ascii=False))
+    return 0
+
+
+@cli.command()
 @click.argument("case", metavar="CASE|FILE.toml")
 @click.option("--runs", type=int, required=True, help="Number of realisations.")
 @click.option("--processes", type=int, help="Local processes (default: one per core).")
@@ -207,13 +245,13 @@ def _text(name: str | bytes) -> str:
 def described_case(case: str, settings: Sequence[str]) -> Case:
     """The case of a name or a TOML file, with the settings of the command line."""
     from particell import cases
-    from particell.cases.execution import read_case_file
+    from particell.cases.execution import read_case_file, with_settings
 
     if case.endswith(".toml"):
         kind, parameters = read_case_file(case)
     else:
         kind, parameters = cases.load(case), {}
-    return kind(**(parameters | parse_settings(settings)))
+    return kind(**with_settings(parameters, parse_settings(settings)))
 
 
 def parse_settings(settings: Sequence[str]) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import functools
 import math
+import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -21,8 +22,16 @@ from particell.errors import InputError
 
 if TYPE_CHECKING:
     from pint import UnitRegistry
-    from pydantic import GetCoreSchemaHandler
+    from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
+    from pydantic.json_schema import JsonSchemaValue
     from pydantic_core import CoreSchema
+
+#: Longest text of a quantity. Pint works powers of numbers out however large they are, so text
+#: holds powers of units only, with one digit, and few of brackets.
+LONGEST = 100
+_POWER_OF_NUMBER = re.compile(r"[\d.]\s*(?:\*\*|\^)")
+_POWER_OF_BRACKET = re.compile(r"\)\s*(?:\*\*|\^)")
+_LARGE_POWER = re.compile(r"(?:\*\*|\^)[\s(+-]*(?:\d{2}|[^\d\s(+-])")
 
 
 @functools.cache
@@ -44,25 +53,33 @@ class Quantity:
     ----------
     unit
         An SI unit in pint's notation; empty for a plain number.
+    infinite
+        Whether infinite numbers are allowed.
     """
 
     unit: str
+    infinite: bool = False
 
     def convert(self, value: Any) -> float:
-        """A number, or text with a unit, as a number in this unit.
+        """A number, text with a unit, or one of pint's quantities, as a number in this unit.
 
         Raises
         ------
         ValueError
             Says what is allowed, as a phrase.
         """
-        if isinstance(value, bool) or not isinstance(value, int | float | str):
+        if hasattr(value, "dimensionality"):
+            number = self._parse(value)
+        elif isinstance(value, bool) or not isinstance(value, int | float | str):
             raise ValueError(self.allowed)
-        try:
-            number = float(value)
-        except ValueError:
-            number = self._parse(str(value))
-        if not math.isfinite(number):
+        else:
+            try:
+                number = float(value)
+            except ValueError:
+                number = self._parse(str(value))
+            except OverflowError:
+                raise ValueError(self.allowed) from None
+        if math.isnan(number) or (math.isinf(number) and not self.infinite):
             raise ValueError(self.allowed)
         return number
 
@@ -73,13 +90,15 @@ class Quantity:
             return "a number"
         return f"a number in {self.unit}, or text with a unit of that dimension"
 
-    def _parse(self, text: str) -> float:
+    def _parse(self, given: Any) -> float:
         import pint
 
         units = registry()
+        if isinstance(given, str) and not _harmless(given):
+            raise ValueError(self.allowed)
         try:
             target = units.Unit(self.unit)
-            quantity: Any = units.Quantity(text)
+            quantity: Any = units.Quantity(given)
             moles = quantity.dimensionality.get("[substance]", 0)
             if moles and "[substance]" not in target.dimensionality:
                 quantity = quantity * units.Quantity("avogadro_constant") ** moles
@@ -98,6 +117,47 @@ class Quantity:
         from pydantic_core import core_schema
 
         return core_schema.no_info_before_validator_function(self.convert, handler(source))
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        number = handler.resolve_ref_schema(handler(schema))
+        return {"anyOf": [number, {"type": "string"}], "x-unit": self.unit}
+
+
+def _harmless(text: str) -> bool:
+    """Whether pint needs no time to speak of for a text."""
+    return (
+        len(text) <= LONGEST
+        and not _POWER_OF_NUMBER.search(text)
+        and not _LARGE_POWER.search(text)
+        and len(_POWER_OF_BRACKET.findall(text)) <= 2
+    )
+
+
+def quantity(text: str) -> Any:
+    """Text with a unit as one of pint's quantities, in base units.
+
+    Raises
+    ------
+    ValueError
+        Where it is no finite quantity.
+    """
+    import pint
+
+    words = "a number, or text with a unit"
+    if not _harmless(text):
+        raise ValueError(words)
+    try:
+        found: Any = registry().Quantity(text).to_base_units()
+        good = math.isfinite(found.magnitude)
+    except (pint.PintError, ArithmeticError, AttributeError, ValueError, TypeError):
+        raise ValueError(words) from None
+    except Exception as error:  # pint lets errors of Python's tokenizer through
+        raise ValueError(words) from error
+    if not good:
+        raise ValueError(words)
+    return registry().Quantity(float(found.magnitude), found.units)
 
 
 def parse(key: str, value: float | str, unit: str) -> float:

@@ -15,7 +15,7 @@ from particell.cases.lid_driven_cavity import LID, LidDrivenCavity
 def small():
     case = LidDrivenCavity(resolution=24, after=5, end=6, frames=2)
     simulation = case.build(Context(seed=1))
-    run = simulation.run(case.until, case.every, progress=False, stop=case.stop())
+    run = simulation.run(case.until, case.every, progress=False, **case.run_options())
     return case, simulation, run
 
 
@@ -65,5 +65,5 @@ def test_corner_vortex_of_a_given_flow(small, monkeypatch):
 
 def test_it_stops_when_it_is_steady():
     case = LidDrivenCavity(resolution=20, reynolds=5, after=1, end=20)
-    run = case.build(Context()).run(case.until, case.every, progress=False, stop=case.stop())
+    run = case.build(Context()).run(case.until, case.every, progress=False, **case.run_options())
     assert run.times[-1] < case.until

@@ -53,7 +53,6 @@ from particell.units import (
 if TYPE_CHECKING:
     from particell.compute.device import Device
     from particell.ensemble.results import EnsembleRun
-    from particell.observers import Stop
     from particell.output.run import Run
     from particell.simulation import Simulation
 
@@ -204,10 +203,6 @@ class Case(BaseModel, abc.ABC):
     def build(self, context: Context) -> Simulation:
         """The simulation, at its first moment."""
 
-    def stop(self) -> Stop | None:
-        """A condition that ends the run before ``until``; none by default."""
-        return None
-
     @abc.abstractmethod
     def analyse(self, run: Run, simulation: Simulation) -> dict[str, Metric]:
         """What the case is about, in numbers; at least one has a limit."""
@@ -215,6 +210,10 @@ class Case(BaseModel, abc.ABC):
     def figures(self, run: Run, directory: Path) -> list[Path]:
         """Draw the figures into a directory; gives the paths of the PNG files."""
         return []
+
+    def run_options(self) -> dict[str, Any]:
+        """Further options of :meth:`particell.simulation.Simulation.run`, such as ``stop``."""
+        return {}
 
     def ensemble_metrics(self, ensemble: EnsembleRun) -> dict[str, Metric]:
         """What many realisations come to; by default the mean of each metric of :meth:`analyse`.

@@ -109,9 +109,10 @@ class LidDrivenCavity(Case):
         """The cavity."""
         return Domain((0, 0), (self.length, self.length))
 
-    def stop(self) -> SteadyState:
-        """Where the kinetic energy no longer changes."""
-        return SteadyState("kinetic_energy", STEADY, interval=self.every, after=self.earliest)
+    def run_options(self) -> dict[str, Any]:
+        """The run ends where the kinetic energy no longer changes."""
+        steady = SteadyState("kinetic_energy", STEADY, interval=self.every, after=self.earliest)
+        return {"stop": steady}
 
     def build(self, context: Context) -> Simulation:
         """The fluid at rest on a square lattice, which the walls continue."""

@@ -50,7 +50,7 @@ from particell.cases.base import (
 from particell.chemistry.reactions import Reaction
 from particell.chemistry.species import Species
 from particell.geometry.domain import Domain
-from particell.geometry.fill import lattice, packed, rings
+from particell.geometry.fill import around, rings
 from particell.geometry.shapes import Circle, HalfSpace
 from particell.materials import AVOGADRO, Fluid
 from particell.output.run import Run
@@ -246,16 +246,8 @@ class YeastChannel(Case):
         membrane, membrane_area = rings(cell, inner, self.radius, min(dx, self.membrane * 1.25))
         cytoplasm, cytoplasm_area = rings(cell, 0.0, inner, dx)
         walls = channel_walls(domain, water, dx, axis=1)
-        everything = lattice(domain, dx)
-        gap = cell.signed_distance(everything)
-        # as many particles as the fluid's area holds: leave out those nearest to the centre
-        left_out = round(math.pi * self.radius**2 / dx**2)
-        points = everything[np.argsort(gap, kind="stable")[left_out:]]
         solid = np.concatenate([membrane, cytoplasm, *(w.points for w in walls)])
-        near = cell.signed_distance(points) < 6 * dx
-        others = np.concatenate([points[~near], solid])
-        points[near] = packed(points[near], domain, dx, others, keep_inside=~cell)
-        points = points[np.lexsort((points[:, 1], points[:, 0]))]
+        points = around(domain, dx, cell, solid)
         return [
             Phase("fluid", water, points, dx**2, velocity=self.first_guess, spacing=dx),
             Phase(

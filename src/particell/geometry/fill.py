@@ -156,6 +156,41 @@ def rings(ball: Ball, inner: float, outer: float, spacing: float) -> tuple[np.nd
     return np.concatenate(points), np.concatenate(volumes)
 
 
+def around(
+    domain: Domain,
+    spacing: float,
+    ball: Ball,
+    fixed: np.ndarray | None = None,
+    reach: float = 6.0,
+) -> np.ndarray:
+    """A lattice around a ball, with as many points as fit beside it, those near it packed.
+
+    Parameters
+    ----------
+    domain, spacing
+        As for :func:`lattice`.
+    ball
+        What stays free: the points nearest to its centre are left out, as many as fit in it.
+    fixed
+        Points (m, dim) that push but do not move: walls, what fills the ball.
+    reach
+        How near to the ball points are packed, in spacings.
+
+    Returns
+    -------
+    ndarray
+        Points (n, dim) in m, sorted along the first axis.
+    """
+    everything = lattice(domain, spacing)
+    gap = ball.signed_distance(everything)
+    left_out = round(ball.volume(domain.dim) / spacing**domain.dim)
+    points = everything[np.argsort(gap, kind="stable")[left_out:]]
+    near = ball.signed_distance(points) < reach * spacing
+    others = points[~near] if fixed is None else np.concatenate([points[~near], fixed])
+    points[near] = packed(points[near], domain, spacing, others, keep_inside=~ball)
+    return points[np.lexsort(points.T[::-1])]
+
+
 def packed(
     points: np.ndarray,
     domain: Domain,

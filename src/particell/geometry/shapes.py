@@ -6,6 +6,7 @@ Distances are negative inside. Shapes combine: ``a | b`` (union), ``a & b`` (int
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 
@@ -109,6 +110,10 @@ class Ball(Shape):
 
     def signed_distance(self, points: np.ndarray) -> np.ndarray:
         return np.linalg.norm(points - self.center, axis=1) - self.radius
+
+    def volume(self, dim: int) -> float:
+        """Its length, area or volume, in m^dim."""
+        return {1: 2, 2: math.pi, 3: 4 / 3 * math.pi}[dim] * self.radius**dim
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.center.tolist()}, {self.radius:g})"

@@ -1,0 +1,167 @@
+"""Tables of boundaries and forces."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from particell.boundaries.mean_velocity import MeanVelocity
+from particell.boundaries.reflection import Reflection
+from particell.boundaries.sponge import Sponge
+from particell.casefile.scope import Scope
+from particell.casefile.table import Axis, Name, Profile, Table, describes
+from particell.chemistry.reservoirs import FixedValueWall, FluxWall, Reservoir
+from particell.errors import InputError
+from particell.geometry.shapes import Ball, HalfSpace
+from particell.laws.buoyancy import Buoyancy
+from particell.units import Acceleration, Concentration, Length, Number, Quantity, Time, Velocity
+
+_Flux = Annotated[float, Field(ge=0), Quantity("mol/m^2/s")]
+_Transfer = Annotated[float, Field(ge=0), Quantity("m/s")]
+_Value = Annotated[Concentration, Field(ge=0)]
+
+
+@describes(Reflection)
+class ReflectionTable(Table):
+    """Fluid particles that cross the surface of a body are mirrored back."""
+
+    type: Literal["Reflection"]
+    """What it is."""
+    body: Name
+    """Name of a half-space, circle or sphere that must not be entered."""
+    inside: bool
+
+    def build(self, scope: Scope) -> Reflection:
+        """The boundary."""
+        body = scope.shape(self.body)
+        if not isinstance(body, HalfSpace | Ball):
+            raise InputError("body", self.body, "the name of a HalfSpace, Ball, Circle or Sphere")
+        return Reflection(body, self.inside)
+
+
+@describes(Sponge)
+class SpongeTable(Table):
+    """A zone in which the fluid is brought to given values."""
+
+    type: Literal["Sponge"]
+    """What it is."""
+    start: Length
+    end: Length
+    time: Annotated[Time, Field(gt=0)]
+    velocity: (
+        Annotated[tuple[Annotated[Any, Profile("m/s")], ...], Field(min_length=1, max_length=3)]
+        | None
+    )
+    """Target velocity, one number or formula of x, y, z for each dimension."""
+    species: dict[str, Annotated[Any, Profile("mol/m^3")]] = Field(default_factory=dict)
+    """Target concentrations by species, numbers or formulas of x, y, z."""
+    axis: Axis
+    exponent: Annotated[Number, Field(gt=0)]
+
+    def build(self, scope: Scope) -> Sponge:
+        """The boundary."""
+        scope.axis("axis", self.axis)
+        scope.known_species("Sponge", self.species)
+        targets = {n: scope.profile(f"species.{n}", v, "mol/m^3") for n, v in self.species.items()}
+        velocity = scope.velocity("velocity", self.velocity)
+        if velocity is not None and not callable(velocity):
+            velocity = scope.velocity("velocity", [f"= {v!r} + 0 * x" for v in velocity])
+        parts = self.given("velocity", "species")
+        return Sponge(velocity=velocity, species=targets, **parts)
+
+
+@describes(MeanVelocity)
+class MeanVelocityTable(Table):
+    """Keeps the mean velocity of the fluid along a periodic axis, by a uniform body force."""
+
+    type: Literal["MeanVelocity"]
+    """What it is."""
+    velocity: Velocity
+    axis: Axis
+
+    def build(self, scope: Scope) -> MeanVelocity:
+        """The boundary."""
+        return MeanVelocity(**self.given())
+
+
+class _HeldTable(Table):
+    group: Name
+    values: Annotated[dict[str, _Value], Field(min_length=1)]
+
+    def _checked(self, scope: Scope) -> dict:
+        scope.known_group(type(self).__name__.removesuffix("Table"), self.group)
+        scope.known_species("values", self.values)
+        return self.given()
+
+
+@describes(Reservoir)
+class ReservoirTable(_HeldTable):
+    """Particles in which species are kept at a value."""
+
+    type: Literal["Reservoir"]
+    """What it is."""
+
+    def build(self, scope: Scope) -> Reservoir:
+        """The boundary."""
+        return Reservoir(**self._checked(scope))
+
+
+@describes(FixedValueWall)
+class FixedValueWallTable(_HeldTable):
+    """A wall whose surface has fixed concentrations."""
+
+    type: Literal["FixedValueWall"]
+    """What it is."""
+
+    def build(self, scope: Scope) -> FixedValueWall:
+        """The boundary."""
+        return FixedValueWall(**self._checked(scope))
+
+
+@describes(FluxWall)
+class FluxWallTable(Table):
+    """A wall with a given flux, or with a flux in proportion to a difference."""
+
+    type: Literal["FluxWall"]
+    """What it is."""
+    group: Name
+    flux: dict[str, _Flux] = Field(default_factory=dict)
+    transfer: dict[str, tuple[_Transfer, _Value]] = Field(default_factory=dict)
+    area: Annotated[float, Field(gt=0), Quantity("m^2")] | None
+
+    def build(self, scope: Scope) -> FluxWall:
+        """The boundary."""
+        scope.known_group("FluxWall", self.group)
+        scope.known_species("FluxWall", [*self.flux, *self.transfer])
+        return FluxWall(**self.given())
+
+
+@describes(Buoyancy)
+class BuoyancyTable(Table):
+    """A body force in proportion to the concentration of a species."""
+
+    type: Literal["Buoyancy"]
+    """What it is."""
+    species: Name
+    expansion: Annotated[float, Quantity("m^3/mol")]
+    gravity: Annotated[tuple[Acceleration, ...], Field(min_length=1, max_length=3)]
+    reference: Concentration
+
+    def build(self, scope: Scope) -> Buoyancy:
+        """The force."""
+        scope.known_species("Buoyancy", [self.species])
+        scope.vector("gravity", self.gravity)
+        return Buoyancy(**self.given())
+
+
+BoundaryTable = Annotated[
+    ReflectionTable
+    | SpongeTable
+    | MeanVelocityTable
+    | ReservoirTable
+    | FixedValueWallTable
+    | FluxWallTable,
+    Field(discriminator="type"),
+]
+ForceTable = Annotated[BuoyancyTable, Field()]

@@ -1,0 +1,174 @@
+"""Tables of arrangements: where the particles of a phase are, and how large they are."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from particell.casefile.scope import Scope
+from particell.casefile.table import Name, Position, Table, describes
+from particell.errors import InputError
+from particell.geometry.domain import Domain
+from particell.geometry.fill import around, arranged, fitting_spacing, lattice, rings
+from particell.geometry.shapes import Ball
+from particell.units import Length
+
+#: Points and the volume of each.
+Filled = tuple[np.ndarray, float | np.ndarray]
+_Spacing = Annotated[Length, Field(gt=0)]
+
+
+def sites(domain: Domain, spacing: float) -> float:
+    """How many particles fill a domain, about."""
+    return math.prod(domain.lengths / spacing)
+
+
+def ball_of(scope: Scope, key: str, name: str) -> Ball:
+    """A ball by name."""
+    shape = scope.shape(name)
+    if not isinstance(shape, Ball):
+        raise InputError(key, name, "the name of a ball, circle or sphere")
+    return shape
+
+
+class _FillTable(Table):
+    def needs(self) -> Iterable[str]:
+        """The phases that have to be there before."""
+        return getattr(self, "fixed", ())
+
+
+@describes(lattice)
+class LatticeFill(_FillTable):
+    """Points of a lattice that fits the domain."""
+
+    type: Literal["lattice"]
+    """What it is."""
+    spacing: _Spacing
+    shape: Name | None
+    kind: Literal["square", "hexagonal"]
+
+    def estimate(self, scope: Scope) -> float:
+        """About how many particles, at most."""
+        return sites(scope.domain, self.spacing)
+
+    def build(self, scope: Scope) -> Filled:
+        """Points and volume."""
+        shape = scope.shape(self.shape) if self.shape else None
+        total = len(lattice(scope.domain, self.spacing, None, self.kind))
+        points = lattice(scope.domain, self.spacing, shape, self.kind)
+        return points, scope.domain.volume / total
+
+
+@describes(arranged, lattice)
+class ArrangedFill(_FillTable):
+    """The whole domain, with points displaced at random, and relaxed if packed."""
+
+    type: Literal["arranged"]
+    """What it is."""
+    spacing: _Spacing
+    kind: Literal["square", "hexagonal", "jittered", "packed"]
+    """A lattice, one that is displaced at random by 0.1 spacings, or a relaxed arrangement."""
+    seed: Annotated[int, Field(ge=0, lt=2**56)] = 1
+    fixed: tuple[Name, ...] = ()
+    """Names of phases whose points "packed" keeps its distance from."""
+
+    def estimate(self, scope: Scope) -> float:
+        """About how many particles."""
+        return sites(scope.domain, self.spacing)
+
+    def build(self, scope: Scope) -> Filled:
+        """Points and volume."""
+        points = arranged(
+            scope.domain, self.spacing, self.kind, self.seed, points_of(scope, self.fixed)
+        )
+        return points, scope.domain.volume / len(points)
+
+
+@describes(around, lattice)
+class AroundFill(_FillTable):
+    """The domain around a ball: as many particles as fit beside it, those near it relaxed."""
+
+    type: Literal["around"]
+    """What it is."""
+    spacing: _Spacing
+    ball: Name
+    """Name of a ball, circle or sphere."""
+    fixed: tuple[Name, ...] = ()
+    """Names of phases whose points push but do not move: walls, what fills the ball."""
+
+    def estimate(self, scope: Scope) -> float:
+        """About how many particles."""
+        return sites(scope.domain, self.spacing)
+
+    def build(self, scope: Scope) -> Filled:
+        """Points and volume."""
+        ball = ball_of(scope, "ball", self.ball)
+        points = around(scope.domain, self.spacing, ball, points_of(scope, self.fixed))
+        return points, self.spacing**scope.dim
+
+
+@describes(rings)
+class RingsFill(_FillTable):
+    """Concentric circles that fill a ring, or with ``inner = 0`` a circle; in 2D."""
+
+    type: Literal["rings"]
+    """What it is."""
+    ball: Name
+    """Name of a circle: its centre is used."""
+    inner: Annotated[Length, Field(ge=0)]
+    outer: Annotated[Length, Field(gt=0)]
+    spacing: _Spacing
+
+    def estimate(self, scope: Scope) -> float:
+        """About how many particles."""
+        return math.pi * max(0.0, self.outer**2 - self.inner**2) / self.spacing**2
+
+    def build(self, scope: Scope) -> Filled:
+        """Points and volumes."""
+        if scope.dim != 2:
+            raise InputError("type", self.type, "another one: rings are for 2 dimensions")
+        return rings(ball_of(scope, "ball", self.ball), self.inner, self.outer, self.spacing)
+
+
+class PointsFill(_FillTable):
+    """Points that are given one by one."""
+
+    type: Literal["points"]
+    """What it is."""
+    points: Annotated[list[Position], Field(min_length=1)]
+    """Positions."""
+    spacing: _Spacing
+    """Distance of neighbours, to the power of the dimension the volume of a particle."""
+
+    def estimate(self, scope: Scope) -> float:
+        """How many particles."""
+        return len(self.points)
+
+    def build(self, scope: Scope) -> Filled:
+        """Points and volume."""
+        points = np.array([scope.vector("points", point) for point in self.points])
+        return points, self.spacing**scope.dim
+
+
+def points_of(scope: Scope, names: Iterable[str]) -> np.ndarray | None:
+    """The points of phases that are there already, one after another."""
+    found = [scope.phases[name].points for name in names]
+    return np.concatenate(found) if found else None
+
+
+def wall_sites(scope: Scope, spacing: float, layers: int, axis: int | None) -> float:
+    """Particles of the walls across one axis, or on all sides: about, and at most."""
+    numbers = scope.domain.lengths / fitting_spacing(scope.domain, spacing)
+    beyond = numbers + 2 * layers if axis is None else numbers.copy()
+    if axis is not None:
+        beyond[axis] += 2 * layers
+    return math.prod(beyond) - math.prod(numbers)
+
+
+FillTable = Annotated[
+    LatticeFill | ArrangedFill | AroundFill | RingsFill | PointsFill, Field(discriminator="type")
+]

@@ -1,0 +1,126 @@
+"""What ``particell check`` says: what would run, and for how long."""
+
+from __future__ import annotations
+
+import math
+import time as clock
+from collections.abc import Iterator
+
+import numpy as np
+
+from particell.casefile.case import FileCase
+from particell.casefile.scope import BYTES_A_PARTICLE
+from particell.cases.base import Case, Context
+from particell.cases.execution import set_threads
+from particell.errors import InputError
+from particell.schemes.static import Static
+from particell.schemes.timestep import step_limits
+from particell.simulation import Simulation
+
+#: Cases with more particles are counted, not built.
+MOST_BUILT = 300_000
+#: Seconds that steps are timed for.
+TIMED = 2.0
+#: More steps than anybody waits for: the input is wrong.
+MOST_STEPS = 1e12
+
+
+def report(case: Case, timing: bool = True, threads: int | None = None) -> Iterator[str]:
+    """Lines that say what would run.
+
+    Parameters
+    ----------
+    case
+        The case.
+    timing
+        Whether to time a few steps.
+    threads
+        Number of CPU threads, or None for all.
+
+    Raises
+    ------
+    InputError
+        Where the case cannot be run.
+    """
+    set_threads(threads)
+    yield f"{case.name}: {case.title}".rstrip(": ")
+    if isinstance(case, FileCase):
+        estimates = case.estimates(case.scope())
+        if (total := sum(estimates.values())) > MOST_BUILT:
+            parts = ", ".join(f"{name} {number:.3g}" for name, number in estimates.items())
+            yield f"particles: about {total:.3g} ({parts})"
+            yield f"memory:    at most {_bytes(total * BYTES_A_PARTICLE)}"
+            yield "not built: too many to count one by one here; `particell run` checks the rest"
+            return
+    simulation = case.build(Context(threads=threads))
+    steps = _steps(simulation, case)
+    groups = simulation.particles.host("group")
+    counts = np.bincount(groups, minlength=len(simulation.group_names))
+    parts = ", ".join(f"{n} {c}" for n, c in zip(simulation.group_names, counts, strict=True))
+    yield f"particles: {len(groups)} ({parts})"
+    yield f"step:      {simulation.dt:.3g} s, limited by {limit(simulation)}"
+    if simulation.chemistry and simulation.chemistry_every > 1:
+        yield f"chemistry: one step in {simulation.chemistry_every}"
+    yield f"steps:     {steps} to {case.until:.3g} s, a frame every {case.every:.3g} s"
+    yield f"memory:    at most {_bytes(len(groups) * BYTES_A_PARTICLE)}"
+    if timing:
+        yield f"time:      about {_duration(steps * seconds_a_step(simulation))}"
+
+
+def _steps(simulation: Simulation, case: Case) -> int:
+    frames = max(1, round(case.until / case.every))
+    largest = simulation.dt
+    if not (math.isfinite(largest) and largest > 0 and case.until / largest <= MOST_STEPS):
+        raise InputError("dt", largest, f"at least {case.until / MOST_STEPS:.3g} s for this run")
+    return frames * simulation.plan(case.every)
+
+
+def limit(simulation: Simulation) -> str:
+    """What the time step is limited by, in words."""
+    if not simulation.automatic:
+        return "dt as given (or the interval of frames)"
+    limits = _limits(simulation)
+    name = min(limits, key=lambda key: limits[key], default="")
+    # a frame is a whole number of steps
+    return name if name and limits[name] < 2 * simulation.dt else "the interval of frames"
+
+
+def _limits(simulation: Simulation) -> dict[str, float]:
+    """Largest time steps in s by reason."""
+    scheme = simulation.scheme
+    if isinstance(scheme, Static):
+        return simulation.chemistry.limits() if simulation.chemistry else {}
+    h = float(simulation.particles.host("support").min())
+    gravity = float(np.linalg.norm(scheme.gravity or 0.0))
+    limits: dict[str, float] = {}
+    for m in simulation.materials:
+        nu = max(m.viscosity, m.bulk_viscosity) / m.density
+        found = step_limits(
+            h, m.sound_speed or 1.0, simulation._speed, nu, gravity, scheme.viscous_factor
+        )
+        limits[found.reason] = min(found.smallest, limits.get(found.reason, math.inf))
+    return limits
+
+
+def seconds_a_step(simulation: Simulation) -> float:
+    """Mean time of a step, compilation left out, from as many as fit in :data:`TIMED`."""
+    block = simulation.chemistry_every
+    simulation.advance(block)  # compiles
+    begin, done = clock.perf_counter(), 0
+    while done == 0 or clock.perf_counter() - begin < TIMED:
+        simulation.advance(block)
+        done += block
+    return (clock.perf_counter() - begin) / done
+
+
+def _bytes(number: float) -> str:
+    units = ("kB", "MB", "GB", "TB")
+    power = min(max(int(math.log10(max(number, 1.0)) / 3), 1), len(units))
+    return f"{number / 1000**power:.3g} {units[power - 1]}"
+
+
+def _duration(seconds: float) -> str:
+    for unit, length in (("days", 86400), ("hours", 3600), ("minutes", 60)):
+        if seconds >= 2 * length:
+            return f"{seconds / length:.1f} {unit}"
+    return f"{seconds:.1f} s"

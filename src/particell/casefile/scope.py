@@ -1,0 +1,150 @@
+"""What the tables of a case file refer to while a simulation is made of them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Collection, Mapping
+from typing import Any
+
+import numpy as np
+
+from particell.casefile.constants import Constants
+from particell.casefile.formula import AXES, Formula, is_formula
+from particell.errors import InputError, unknown_name
+from particell.geometry.domain import Domain
+from particell.geometry.shapes import Shape
+from particell.materials import Fluid
+from particell.phases import Phase
+from particell.units import Quantity, registry
+
+#: Memory of a particle with a hundred neighbours, all included.
+BYTES_A_PARTICLE = 1200
+
+Points = np.ndarray
+
+
+def memory() -> int:
+    """Memory of this machine in bytes."""
+    return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+
+
+def known(what: str, name: str, names: Collection[str]) -> str:
+    """A name that exists."""
+    if name not in names:
+        if not names:
+            raise InputError(what, name, "described in this file, which has none")
+        raise unknown_name(what, name, names)
+    return name
+
+
+class Scope:
+    """Everything by name.
+
+    Attributes
+    ----------
+    constants, domain, materials, shapes, phases, species
+        What has been made so far.
+    """
+
+    def __init__(self, constants: Constants, domain: Domain):
+        self.constants, self.domain = constants, domain
+        self.materials: dict[str, Fluid] = {}
+        self.shapes: dict[str, Shape] = {}
+        self.phases: dict[str, Phase] = {}
+        self.species: tuple[str, ...] = ()
+        units: Any = registry()
+        middle = 0.5 * (domain.lower + domain.upper)
+        self._quantities = dict(constants.quantities)
+        for axis, place in zip(AXES, middle, strict=False):
+            self._quantities[axis] = units.Quantity(np.array([place]), "m")
+
+    @property
+    def dim(self) -> int:
+        """Number of dimensions."""
+        return self.domain.dim
+
+    def material(self, name: str) -> Fluid:
+        """A material by name."""
+        return self.materials[known("material", name, self.materials)]
+
+    def shape(self, name: str) -> Shape:
+        """A shape by name."""
+        return self.shapes[known("shape", name, self.shapes)]
+
+    def vector(self, key: str, values: Collection[Any]) -> tuple[Any, ...]:
+        """As many numbers as there are dimensions."""
+        if len(values) != self.dim:
+            raise InputError(key, list(values), f"{self.dim} numbers, as the domain has")
+        return tuple(values)
+
+    def axis(self, key: str, axis: int) -> int:
+        """The number of an axis that exists."""
+        if axis >= self.dim:
+            raise InputError(key, axis, f"at most {self.dim - 1} in {self.dim} dimensions")
+        return axis
+
+    def number(self, key: str, value: Any, unit: str) -> float:
+        """A positive number with a unit that depends on the dimension."""
+        try:
+            number = Quantity(unit).convert(value)
+        except ValueError as error:
+            raise InputError(key, value, str(error)) from None
+        if not number > 0:
+            raise InputError(key, number, f"greater than 0 {unit}")
+        return number
+
+    def profile(self, key: str, value: Any, unit: str) -> Any:
+        """A number, or the function of points (n, D) that a formula describes."""
+        if not is_formula(value):
+            return value
+        formula = Formula(key, value)
+        formula.require({*self.constants.values, *AXES[: self.dim]})
+        formula.check_unit(self._quantities, unit)
+        return self._function(formula)
+
+    def _function(self, formula: Formula) -> Callable[[Points], Points]:
+        constants = self.constants.values
+
+        def evaluate(points: Points) -> Points:
+            places = dict(zip(AXES, points.T, strict=False))
+            with np.errstate(all="ignore"):
+                found = np.asarray(formula.value({**constants, **places}), dtype=float)
+            if not np.all(np.isfinite(found)):
+                raise formula.error("a formula that is finite wherever it is needed")
+            return np.array(np.broadcast_to(found, len(points)))
+
+        return evaluate
+
+    def velocity(self, key: str, values: Collection[Any] | None) -> Any:
+        """None, D numbers, or a function of points that returns velocities (n, D) in m/s."""
+        if values is None:
+            return None
+        parts = [self.profile(key, v, "m/s") for v in self.vector(key, values)]
+        if not any(callable(part) for part in parts):
+            return tuple(parts)
+
+        def evaluate(points: Points) -> Points:
+            columns = [p(points) if callable(p) else np.full(len(points), p) for p in parts]
+            return np.stack(columns, axis=-1)
+
+        return evaluate
+
+    def known_species(self, key: str, names: Mapping[str, Any] | Collection[str]) -> None:
+        """Refuse species that are not described."""
+        for name in names:
+            known(f"species in {key}", name, self.species)
+
+    def known_group(self, key: str, names: str | Collection[str] | None) -> None:
+        """Refuse groups of particles that are not described."""
+        for name in (names,) if isinstance(names, str) else names or ():
+            known(f"group in {key}", name, self.phases)
+
+    def admit(self, particles: float) -> None:
+        """Refuse more particles than the machine has memory for."""
+        most = memory() / BYTES_A_PARTICLE
+        if not particles <= most:
+            allowed = (
+                f"at most {most:.2g} in the memory of this machine: "
+                "take a larger spacing or a smaller domain"
+            )
+            raise InputError("number of particles", f"{particles:.3g}", allowed)

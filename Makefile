@@ -11,7 +11,8 @@
 PYTHON ?= python3
 VENV ?= .venv
 SITE ?= site
-PYTEST_FLAGS ?=
+# several processes, since many tests are too small for several threads
+PYTEST_FLAGS ?= -n auto --maxprocesses 4 --dist worksteal
 
 BIN = $(VENV)/bin
 PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check

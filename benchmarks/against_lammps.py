@@ -42,7 +42,7 @@ import numpy as np
 
 from particell import bench
 from particell.analysis.statistics import block_average
-from particell.compute.loop import set_threads
+from particell.compute.threads import set_threads
 from particell.geometry.domain import Domain
 from particell.materials import BOLTZMANN, Fluid
 from particell.phases import fluid

@@ -28,7 +28,7 @@ import numpy as np
 from particell.analysis.statistics import decay_rate
 from particell.chemistry.reactions import Reaction
 from particell.chemistry.species import Species
-from particell.compute.loop import set_threads
+from particell.compute.threads import set_threads
 from particell.geometry.domain import Domain
 from particell.materials import AVOGADRO, Fluid
 from particell.phases import Phase

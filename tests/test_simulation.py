@@ -6,8 +6,7 @@ import pytest
 from particell.boundaries.reflection import Reflection
 from particell.boundaries.sponge import Sponge
 from particell.chemistry.reactions import Reaction
-from particell.compute import loop
-from particell.compute.loop import set_threads
+from particell.compute.threads import set_threads
 from particell.errors import InputError, RunError
 from particell.geometry.domain import Domain
 from particell.geometry.shapes import HalfSpace
@@ -68,10 +67,10 @@ def test_restart_refuses_other_simulations():
 
 def test_same_bits_for_any_number_of_threads(monkeypatch):
     """Fifty noisy steps between walls on one and on two threads."""
-    monkeypatch.setattr(loop, "PARTICLES_PER_THREAD", 10)
+    monkeypatch.setattr("particell.compute.threads.SECONDS_PER_THREAD", 1e-9)
     everything = set_threads(None)
     if everything < 2:
-        pytest.skip("this machine gives Numba one thread")
+        pytest.skip("this machine has one thread")
     runs = []
     try:
         for threads in (1, 2):

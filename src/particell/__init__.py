@@ -18,6 +18,7 @@ except PackageNotFoundError:  # a source tree that is not installed
     __version__ = "0+unknown"
 
 if TYPE_CHECKING:
+    from particell.boundaries.mean_velocity import MeanVelocity
     from particell.boundaries.moving import WallMotion
     from particell.boundaries.reflection import Reflection
     from particell.boundaries.sponge import Sponge
@@ -70,6 +71,7 @@ _HOME = {
     "Simulation": "simulation",
     "Species": "chemistry.species",
     "Sphere": "geometry.shapes",
+    "MeanVelocity": "boundaries.mean_velocity",
     "Sponge": "boundaries.sponge",
     "Static": "schemes.static",
     "SteadyState": "observers",
@@ -102,6 +104,7 @@ __all__ = [
     "HalfSpace",
     "InputError",
     "Interrupted",
+    "MeanVelocity",
     "Phase",
     "Reaction",
     "Reflection",

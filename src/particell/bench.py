@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from particell.chemistry.species import Species
-from particell.compute.loop import set_threads
+from particell.compute.threads import set_threads
 from particell.geometry.domain import Domain
 from particell.materials import BOLTZMANN, Fluid
 from particell.phases import box_walls, fluid

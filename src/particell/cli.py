@@ -154,8 +154,9 @@ def validate(
 ) -> int:
     """Run cases (default: all) and compare with exact solutions, references and the papers.
 
-    Groups: sdpd-ssa, stochastic. With --out, one page of all numbers is written, and a run that is
-    finished there, with the same version and parameters, is not made again.
+    Groups: sdpd-ssa, stochastic, transport-velocity. With --out, one page of all numbers is
+    written, and a run that is finished there, with the same version and parameters, is not made
+    again.
     """
     from particell import validation
 
@@ -178,14 +179,12 @@ def info() -> int:
     import os
     from importlib.metadata import version
 
-    import numba
-
+    from particell.compute.threads import available_threads
     from particell.output.summary import versions
 
     click.echo(f"particell {version('particell')}")
     click.echo(", ".join(f"{name} {number}" for name, number in versions().items()))
-    threads = numba.config.NUMBA_NUM_THREADS  # type: ignore[attr-defined]
-    click.echo(f"cpu: {threads} threads (of {os.cpu_count()} cores)")
+    click.echo(f"cpu: {available_threads()} threads (of {os.cpu_count()} cores)")
     click.echo(f"cuda: {_cuda_devices()}")
     return 0
 

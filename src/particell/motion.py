@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from particell.boundaries.mean_velocity import MeanVelocity, add_velocity, axial_momentum
 from particell.boundaries.reflection import Reflection, reflect, surface_table
 from particell.boundaries.sponge import Sponge, relax_velocity, share_of_target
+from particell.compute.reduce import Reduction
 from particell.errors import InputError, RunError
 from particell.kernels import kernel_code
 from particell.laws.buoyancy import Buoyancy, add_buoyancy, add_wall_head
@@ -19,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class Constraints:
-    """Reflecting surfaces and sponges of a simulation.
+    """Reflecting surfaces, sponges and mean velocities of a simulation.
 
     Targets of sponges are functions of position. They are evaluated at each build of the
     neighbour list; between builds a particle moves by at most about 0.6 of its support (neighbours
@@ -30,6 +32,10 @@ class Constraints:
         self.simulation = simulation
         self.sponges = [b for b in boundaries if isinstance(b, Sponge)]
         self.surfaces = [b for b in boundaries if isinstance(b, Reflection)]
+        self.means = [b for b in boundaries if isinstance(b, MeanVelocity)]
+        for mean in self.means:
+            if mean.axis not in np.flatnonzero(simulation.domain.periodic):
+                raise InputError("axis of MeanVelocity", mean.axis, "that of a periodic direction")
         particles, dim = simulation.particles, simulation.domain.dim
         self._table = simulation.device.array(surface_table(self.surfaces, dim))
         if self.surfaces:
@@ -68,15 +74,27 @@ class Constraints:
             self._reflect(len(self.simulation.particles))
 
     def relax(self, step: int, dt: float) -> None:
-        """Bring velocities in sponges towards their targets."""
-        if not self.sponges:
-            return
+        """Bring velocities in sponges towards their targets, and the mean to its own."""
+        if self.sponges:
+            self._relax_sponges(dt)
+        if self.means:
+            self._bind()
+            self._keep_means()
+
+    def _relax_sponges(self, dt: float) -> None:
         if self._seen != self.simulation.neighbours.builds:
             self.renew()
         self._bind()
         for sponge, relax in zip(self.sponges, self._relaxations, strict=True):
             if relax is not None:
                 relax(len(self.simulation.particles), dt / sponge.time)
+
+    def _keep_means(self) -> None:
+        n = len(self.simulation.particles)
+        for mean, (gather, momentum, add) in zip(self.means, self._mean_loops, strict=True):
+            gather(n)
+            now = float(self._reduction.sum(momentum)[0]) / self._fluid_mass
+            add(n, mean.velocity - now)
 
     def relax_species(self, step: int, tau: float) -> None:
         """Bring species in sponges towards their targets; what they gain is booked."""
@@ -120,6 +138,16 @@ class Constraints:
         fields = {**s.neighbours.fields, **s.particles.fields}
         table = {"surfaces": self._table, "number": len(self.surfaces)}
         self._reflect = bind(reflect, {**fields, **table}, DIM=dim)
+        self._reduction = Reduction(s.device)
+        momentum = s.device.zeros((len(s.particles), 1), np.float64) if self.means else None
+        self._fluid_mass = float(s.particles.host("mass")[s.particles.host("is_wall") == 0].sum())
+        self._mean_loops = []
+        for mean in self.means:
+            own = {**fields, "momentum": momentum}
+            axis = {"AXIS": mean.axis}
+            self._mean_loops.append(
+                (bind(axial_momentum, own, **axis), momentum, bind(add_velocity, own, **axis))
+            )
         self._relaxations: list[Callable[..., None] | None] = []
         self._shares = []
         for k, sponge in enumerate(self.sponges):

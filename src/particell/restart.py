@@ -32,6 +32,7 @@ def state_of(simulation: Simulation) -> dict[str, Any]:
         "seed": s.seed,
         "first_momentum": s._first_momentum,
         "first_totals": dict(s._first_totals),
+        "volume_drift": getattr(s.solver, "volume_drift", None),
         "events": chemistry.events if chemistry else 0,
         "jumps": chemistry.jumps if chemistry else 0,
     }
@@ -56,6 +57,8 @@ def restore(simulation: Simulation, state: dict[str, Any]) -> None:
     s._first_totals = dict(state["first_totals"])
     if s.chemistry:
         s.chemistry.events, s.chemistry.jumps = state["events"], state["jumps"]
+    if state["volume_drift"] is not None:
+        s.solver.volume_drift = state["volume_drift"]  # type: ignore[union-attr]
     s.solver.restore()
     s.constraints.restored()
     s.resumed, s.resumed_plan = True, state.get("plan")

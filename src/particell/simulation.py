@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from particell import snapshot
+from particell.boundaries.mean_velocity import MeanVelocity
 from particell.boundaries.moving import WallMotion
 from particell.boundaries.reflection import Reflection
 from particell.boundaries.sponge import Sponge
@@ -24,7 +25,7 @@ from particell.chemistry.reactions import Reaction
 from particell.chemistry.reservoirs import FixedValueWall, FluxWall, Reservoir
 from particell.chemistry.species import Species
 from particell.compute.device import Device
-from particell.compute.loop import CompileLog, suitable_threads
+from particell.compute.loop import CompileLog
 from particell.errors import InputError
 from particell.geometry.domain import Domain
 from particell.laws.buoyancy import Buoyancy
@@ -41,7 +42,7 @@ if TYPE_CHECKING:
     from particell.observers import Stop
     from particell.output.run import Run
 
-Boundary = Reflection | WallMotion | Sponge | Reservoir | FixedValueWall | FluxWall
+Boundary = Reflection | WallMotion | Sponge | MeanVelocity | Reservoir | FixedValueWall | FluxWall
 #: A chemistry step moves particles by at most this part of the support.
 CHEMISTRY_MOTION = 0.1
 #: An automatic time step is chosen anew where it is larger by this factor than the flow allows.
@@ -144,6 +145,7 @@ class Simulation:
                 normalise=normalise_diffusion,
                 depth=self.depth_factor,
                 splitting=splitting,
+                at_rest=self.static,
             )
             if getattr(scheme, "species_flux", False):
                 carriage = Carriage(self)
@@ -271,16 +273,15 @@ class Simulation:
         begin, compiling = clock.perf_counter(), CompileLog.seconds
         chemistry, every = self.chemistry, self.chemistry_every
         solver, constraints, dt = self.solver, self.constraints, self.dt
-        with suitable_threads(len(self.particles)):
-            for _ in range(steps):
-                solver.step(self.step, dt)
-                self.walls.bounce_back()
-                constraints.relax(self.step, dt)
-                self.step += 1
-                if chemistry is not None and self.step % every == 0:
-                    chemistry.step(self.step, every * dt)
-                    constraints.relax_species(self.step, every * dt)
-                self.time += dt
+        for _ in range(steps):
+            solver.step(self.step, dt)
+            self.walls.bounce_back()
+            constraints.relax(self.step, dt)
+            self.step += 1
+            if chemistry is not None and self.step % every == 0:
+                chemistry.step(self.step, every * dt)
+                constraints.relax_species(self.step, every * dt)
+            self.time += dt
         self.monitor.check()
         self._wall_seconds += clock.perf_counter() - begin
         self._compile_seconds += CompileLog.seconds - compiling

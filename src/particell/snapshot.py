@@ -82,6 +82,8 @@ def drift_since(
         change = monitor.momentum() - momentum
         scale = monitor.absolute_momentum()
         drift["momentum"] = float(np.linalg.norm(change) / scale) if scale else 0.0
+    if getattr(simulation.solver, "volume_drift", None) is not None:
+        drift["volume put right"] = simulation.solver.volume_drift  # type: ignore[union-attr]
     if simulation.chemistry:
         for name, (value, size) in conserved_totals(simulation.chemistry).items():
             drift[f"amount {name}"] = float((value - totals[name]) / size)

@@ -40,6 +40,19 @@ GROUPS = {
         "equilibrium-3d",
     ),
     "stochastic": ("birth-death", "isomerisation", "turing", "min-oscillation"),
+    "transport-velocity": (
+        "poiseuille",
+        "couette",
+        "lid-driven-cavity",
+        "rotating-cylinder",
+        "taylor-green",
+        "natural-convection",
+    ),
+}
+#: What a group wants of cases that have such parameters: other rows of these are left out.
+GROUP_PARAMETERS: dict[str, Mapping[str, Any]] = {
+    "sdpd-ssa": {"scheme": "sdpd"},
+    "transport-velocity": {"scheme": "transport-velocity"},
 }
 #: What a row's directory was made with.
 MARK = "validation.json"
@@ -93,20 +106,26 @@ def select(names: Sequence[str], full: bool) -> list[Row]:
     InputError
         Where a name is neither a case nor a group.
     """
-    found: list[str] = []
+    found: list[Row] = []
     for name in names or cases.names():
+        wanted = GROUP_PARAMETERS.get(name, {})
         known = [n for n in GROUPS.get(name, ()) if n in cases.CASES] or [name]
-        found += [n for n in known if n not in found]
-    kinds = [cases.load(name) for name in found]
-    return [Row(kind, parameters) for kind in kinds for parameters in sizes(kind, full)]
+        for kind in map(cases.load, known):
+            rows = [Row(kind, parameters) for parameters in sizes(kind, full, wanted)]
+            found += [row for row in rows if row not in found]
+    # the rows of a case one after another, for the page
+    kinds = list(dict.fromkeys(row.kind for row in found))
+    return sorted(found, key=lambda row: kinds.index(row.kind))
 
 
-def sizes(kind: type[Case], full: bool) -> list[Mapping[str, Any]]:
-    """Parameters of a case's rows: the default ones, or those of the papers."""
+def sizes(kind: type[Case], full: bool, wanted: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """Parameters of a case's rows, the default ones or those of the papers, with those wanted."""
+    defaults = {k: info.get_default() for k, info in kind.model_fields.items()}
+    wanted = {k: v for k, v in wanted.items() if k in defaults}
     if not full:
-        return [{}]
-    given = kind.full
-    return [given] if isinstance(given, Mapping) else list(given)
+        return [{k: v for k, v in wanted.items() if defaults[k] != v}]
+    given = [kind.full] if isinstance(kind.full, Mapping) else list(kind.full)
+    return [row for row in given if all({**defaults, **row}[k] == v for k, v in wanted.items())]
 
 
 @contextmanager

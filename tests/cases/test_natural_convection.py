@@ -62,6 +62,19 @@ def test_coarse_flow(coarse):
     assert metrics["density_variation"].value < 0.02
 
 
+def test_a_transport_velocity_does_the_same():
+    case = NaturalConvection(
+        resolution=24, end=8, averaging=2, molecules=50, scheme="transport-velocity"
+    )
+    simulation = case.build(Context(seed=1))
+    run = simulation.run(case.until, case.every, progress=False)
+    metrics = case.analyse(run, simulation)
+    assert metrics["vy_error"].value < 0.1
+    assert metrics["transfer_walls_concentrations"].value == pytest.approx(2.069, rel=0.1)
+    for name in ("largest_void", "inside_walls", "drift_concentrations", "drift_molecules"):
+        assert metrics[name].passed
+
+
 def test_the_fluid_rises_along_the_cylinder(coarse):
     case, _, run = coarse
     line = results.profile(case, run, "velocity")

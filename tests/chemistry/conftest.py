@@ -12,8 +12,8 @@ import pytest
 
 from particell.chemistry.engine import Chemistry
 from particell.compute.device import Device
-from particell.compute.loop import set_threads
 from particell.compute.neighbours import NeighbourList
+from particell.compute.threads import set_threads
 from particell.geometry.domain import Domain
 from particell.particles import Group, Particles
 

@@ -60,6 +60,18 @@ def test_two_a_takes_two_for_each_event(lattice):
     assert got[0] == pytest.approx(2 / (1 + 2 * 3 * 2 * 0.5), rel=1e-5)
 
 
+def test_slow_kinetics_take_one_explicit_step(lattice):
+    """A + B -> 0 at k C dt = 0.1; the error of a step is far below its tolerance of 1e-6."""
+    k, a, b, tau = 0.1, 1.0, 0.4, 1.0
+    growth = np.exp(k * (a - b) * tau)
+    left = (a - b) * b / (a * growth - b)
+    got, chem = amounts(lattice, "AB", [Reaction("A + B -> 0", forward=k)], [a, b], tau)
+    assert chem.substeps == 1
+    np.testing.assert_allclose(got, [a - b + left, left], rtol=1e-8)
+    _, chem = amounts(lattice, "AB", [Reaction("A + B -> 0", forward=100 * k)], [a, b], tau)
+    assert chem.substeps > 1
+
+
 def test_stiff_kinetics(lattice):
     """Robertson's problem (1966)."""
     reactions = [

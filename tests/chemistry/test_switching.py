@@ -7,10 +7,12 @@ import pytest
 from scipy.linalg import expm
 
 from particell.chemistry.reactions import Reaction
+from particell.chemistry.reservoirs import Reservoir
 from particell.chemistry.species import Species
 from particell.errors import InputError
 from particell.kernels import WENDLAND_C2, normalisation, shape_f
 from particell.materials import AVOGADRO
+from particell.particles import Group
 
 KAPPA = 1e-10
 # false-alarm rate of each comparison with a mean: 5.5 sigma, 4e-8
@@ -203,3 +205,24 @@ def test_restart_is_bit_for_bit():
     kinds = first.particles.host("continuous")
     assert kinds.any()
     assert abs(first.conservation()["amount S + M"]) < 1e-12
+
+
+def test_reservoir_above_the_threshold_feeds_as_an_amount_would(lattice):
+    """A reservoir worth 500 molecules stays molecules; neighbours turn into amounts."""
+    source = 500 / ((1e-5 / 12) ** 2 * 1e-6 * AVOGADRO)
+    groups = (Group("fluid", "fluid", 0), Group("source", "fluid", 0))
+    box = lattice(side=12, groups=groups, group_of=lambda x: x[:, 0] < 2.5e-6)
+    species = [switching(), Species("A", KAPPA)]
+    chem = box.chemistry(species, [], [Reservoir("source", {"S": source, "A": source})])
+    for step in range(60):
+        chem.step(step, 0.5 * chem.limits()["diffusion of concentrations"])
+    fluid = chem.particles.host("group") == 0
+    volume = volume_of(chem)[fluid]
+    switched = (chem.concentration("S")[fluid] * volume).sum()
+    amount = (chem.concentration("A")[fluid] * volume).sum()
+    assert chem.particles.host("continuous")[fluid].any()
+    assert amount > 10_000
+    # what comes in is less scattered than a Poisson number
+    assert abs(switched - amount) < SIGMAS * np.sqrt(amount)
+    total, booked = chem.totals()["S"]
+    assert total - booked == pytest.approx(0.0, abs=1e-9 * total)

@@ -11,7 +11,7 @@ from scipy.linalg import expm
 from particell.chemistry.reactions import Reaction
 from particell.chemistry.reservoirs import FixedValueWall, Reservoir
 from particell.chemistry.species import Species
-from particell.compute.loop import set_threads
+from particell.compute.threads import set_threads
 from particell.kernels import LUCY, normalisation, shape_f
 from particell.materials import AVOGADRO
 from particell.particles import Group
@@ -340,3 +340,19 @@ def test_results_do_not_depend_on_threads(lattice):
     assert results[0] == results[1]
     assert results[0][1] > 0
     assert results[0][2] > 0
+
+
+@pytest.mark.parametrize("normalise", [False, True])
+def test_particles_at_rest_need_their_weights_once(lattice, normalise):
+    box = lattice(side=10, disturb=0.2, groups=(FLUID, SOURCE), group_of=in_source)
+    held = [Reservoir("source", {"A": 2.0, "M": 3e-3})]
+    found = []
+    for at_rest in (False, True):
+        species = [Species("A", KAPPA), Species("M", KAPPA, molecules=True)]
+        chem = box.chemistry(species, [], held, normalise=normalise, at_rest=at_rest)
+        for step in range(5):
+            chem.step(step, 0.3 * chem.limits()["diffusion of concentrations"])
+        found.append((chem.concentration("A"), chem.particles.host("count")))
+    np.testing.assert_allclose(found[0][0], found[1][0], rtol=1e-12)
+    assert np.array_equal(found[0][1], found[1][1])
+    assert found[0][1].sum() > 0

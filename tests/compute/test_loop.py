@@ -5,9 +5,11 @@ import numpy as np
 import pytest
 
 from particell.compute import loop as module
+from particell.compute import threads
 from particell.compute.device import Device
-from particell.compute.loop import FASTMATH, particle_loop, set_threads, suitable_threads
+from particell.compute.loop import FASTMATH, particle_loop
 from particell.compute.reduce import Reduction
+from particell.compute.threads import Shared, get_threads, kept_threads, set_threads
 from particell.errors import InputError
 
 
@@ -84,13 +86,36 @@ def test_number_of_threads():
         for wrong in (0, everything + 1):
             with pytest.raises(ValueError, match="threads"):
                 set_threads(wrong)
-        with suitable_threads(10):
-            assert numba.get_num_threads() == 1
-        with suitable_threads(10**9):
-            assert numba.get_num_threads() == everything
-        assert numba.get_num_threads() == everything
+        with kept_threads():
+            set_threads(1)
+        assert get_threads() == everything
     finally:
         set_threads(everything)
+
+
+def test_threads_share_a_loop(monkeypatch):
+    """Every particle once, whoever does it; a small loop stays on one thread; errors come back."""
+    done: list[tuple[int, int, int]] = []
+
+    def piece(first, last, thread, fails):
+        if fails:
+            raise ArithmeticError
+        done.append((int(first), int(last), int(thread)))
+
+    shared = Shared(piece)
+    shared(1000, False)
+    assert done == [(0, 1000, 0)]
+    if get_threads() < 2:
+        pytest.skip("this machine has one thread")
+    monkeypatch.setattr(threads, "SECONDS_PER_THREAD", 1e-12)
+    done.clear()
+    shared(1000, False)
+    assert len(done) > 1
+    covered = [i for first, last, _ in sorted(done) for i in range(first, last)]
+    assert covered == list(range(1000))
+    done.clear()
+    with pytest.raises(ArithmeticError):
+        shared(1000, True)
 
 
 def test_compile_log_counts_the_first_call():

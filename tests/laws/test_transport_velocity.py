@@ -10,6 +10,7 @@ import itertools
 import numpy as np
 import pytest
 
+from particell.errors import InputError
 from particell.geometry.domain import Domain
 from particell.geometry.fill import lattice
 from particell.kernels import LUCY, normalisation
@@ -263,3 +264,43 @@ def test_the_sweep_has_these_modes(dim):
             shift = p.host("shift")
             np.testing.assert_allclose(shift, value * displaced, atol=2e-10)
             assert (shift * displaced).sum() < 0
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_pressure_differences_exert_no_force_under_a_uniform_pressure(dim):
+    """On scattered particles, where the symmetric form shoves them about."""
+    accelerations = []
+    for form in ("difference", "symmetric"):
+        simulation = system(dim, 8, pressure_force=form)
+        p = simulation.particles
+        p.set("density", np.full(len(p), 1.05))
+        simulation.solver._thermodynamics(0.0)
+        simulation.solver.accelerate(0, 0.01)
+        accelerations.append(np.abs(p.host("a")).max())
+    assert accelerations[0] < 1e-12 < 1e-2 < accelerations[1]
+
+
+def test_pressure_differences_on_a_lattice_are_the_gradient():
+    """P = c₀²(ρ − ρ₀) linear in x, far from the seam where it jumps: a = −c₀² ∇ρ/ρ · Σ V F x²."""
+    simulation = system(2, 16, disorder=0.0, pressure_force="difference")
+    p = simulation.particles
+    x = p.host("x")[:, 0]
+    p.set("density", 1.0 + 1e-6 * (x - 8.0))
+    simulation.solver._thermodynamics(0.0)
+    simulation.solver.accelerate(0, 0.01)
+    offsets, f = lattice_offsets(2, SUPPORT)
+    slope = simulation.materials[0].sound_speed ** 2 * 1e-6 * (f * offsets[:, 0] ** 2).sum()
+    middle = np.abs(x - 8.0) < 4
+    assert p.host("a")[middle, 0] == pytest.approx(-slope, rel=1e-4)
+    assert p.host("a")[middle, 1] == pytest.approx(0.0, abs=1e-5 * slope)
+
+
+def test_fixed_volume_keeps_the_volume_of_the_fluid():
+    simulation = system(2, 10, fixed_volume=True)
+    p = simulation.particles
+    simulation.solver.build_list()
+    assert (p.host("mass") / p.host("density")).sum() == pytest.approx(100.0, rel=1e-12)
+    with pytest.raises(InputError, match="pressure_force"):
+        TransportVelocity(pressure_force="both")
+    with pytest.raises(InputError, match="pressure_switch"):
+        TransportVelocity(pressure_force="difference", pressure_switch=True)

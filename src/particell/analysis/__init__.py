@@ -1,5 +1,6 @@
 """What the particles tell: fields on lines and grids, errors, moments, temperatures, rates."""
 
+from particell.analysis.arrangement import Evenness, evenness
 from particell.analysis.fields import grid, interpolate, line
 from particell.analysis.statistics import (
     ChiSquare,
@@ -17,10 +18,12 @@ from particell.analysis.statistics import (
 __all__ = [
     "ChiSquare",
     "Decay",
+    "Evenness",
     "Moments",
     "block_average",
     "decay_rate",
     "epsilon_error",
+    "evenness",
     "grid",
     "interpolate",
     "kinetic_temperature",

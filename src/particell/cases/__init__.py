@@ -24,6 +24,10 @@ CASES: dict[str, tuple[str, str]] = {
         "particell.cases.birth_death:BirthDeath",
         "Molecules that come out of nothing and die: Poisson numbers",
     ),
+    "couette": (
+        "particell.cases.couette:Couette",
+        "Flow between two plates of which one moves",
+    ),
     "diffusion-1d": (
         "particell.cases.diffusion_1d:Diffusion1D",
         "Diffusion across a slab, with concentrations and with molecules",
@@ -48,6 +52,10 @@ CASES: dict[str, tuple[str, str]] = {
         "particell.cases.isomerisation:Isomerisation",
         "A <-> B with equal rates under fast diffusion: half and half",
     ),
+    "lid-driven-cavity": (
+        "particell.cases.lid_driven_cavity:LidDrivenCavity",
+        "Flow in a square cavity whose lid slides",
+    ),
     "min-oscillation": (
         "particell.cases.min_oscillation:MinOscillation",
         "MinD and MinE oscillating from pole to pole of a bacterium, molecule by molecule",
@@ -55,6 +63,14 @@ CASES: dict[str, tuple[str, str]] = {
     "natural-convection": (
         "particell.cases.natural_convection:NaturalConvection",
         "Natural convection around a cylinder in a square cavity, driven by a solute",
+    ),
+    "poiseuille": (
+        "particell.cases.poiseuille:Poiseuille",
+        "Flow between two plates, driven by a body force",
+    ),
+    "rotating-cylinder": (
+        "particell.cases.rotating_cylinder:RotatingCylinder",
+        "Flow between two cylinders of which one turns",
     ),
     "taylor-green": (
         "particell.cases.taylor_green:TaylorGreen",

@@ -53,6 +53,7 @@ from particell.units import (
 if TYPE_CHECKING:
     from particell.compute.device import Device
     from particell.ensemble.results import EnsembleRun
+    from particell.observers import Stop
     from particell.output.run import Run
     from particell.simulation import Simulation
 
@@ -202,6 +203,10 @@ class Case(BaseModel, abc.ABC):
     @abc.abstractmethod
     def build(self, context: Context) -> Simulation:
         """The simulation, at its first moment."""
+
+    def stop(self) -> Stop | None:
+        """A condition that ends the run before ``until``; none by default."""
+        return None
 
     @abc.abstractmethod
     def analyse(self, run: Run, simulation: Simulation) -> dict[str, Metric]:

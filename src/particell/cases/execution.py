@@ -185,12 +185,12 @@ def set_threads(threads: int | None) -> None:
     """Set the number of CPU threads for all loops to come."""
     if threads is None:
         return
-    import numba
+    from particell.compute import threads as compute_threads
 
-    most = numba.config.NUMBA_NUM_THREADS  # type: ignore[attr-defined]
+    most = compute_threads.available_threads()
     if not 1 <= threads <= most:
         raise InputError("threads", threads, f"between 1 and {most} on this machine")
-    numba.set_num_threads(threads)
+    compute_threads.set_threads(threads)
 
 
 def metrics_table(metrics: Mapping[str, Metric]) -> str:
@@ -238,7 +238,13 @@ def _finish(
     progress: bool,
     report: bool,
 ) -> int:
-    simulation.run(until=case.until, every=case.every, out=directory, progress=progress)
+    from particell.compute.threads import get_threads
+
+    stop = case.stop()
+    condition: dict[str, Any] = {} if stop is None else {"stop": stop}
+    simulation.run(
+        until=case.until, every=case.every, out=directory, progress=progress, **condition
+    )
     # Read from the file, so that a resumed run is analysed as a whole.
     run = Run(directory)
     metrics = case.analyse(run, simulation)
@@ -253,7 +259,7 @@ def _finish(
         settings={
             "backend": context.backend,
             "precision": context.precision,
-            "threads": _threads(),
+            "threads": get_threads(),
             **simulation.settings,
         },
     )
@@ -267,9 +273,3 @@ def print_report(case: Case, metrics: Mapping[str, Metric], directory: Path) -> 
     """Print the metrics and where the output is."""
     with contextlib.suppress(BrokenPipeError):
         print(f"{case.name}: {case.title}\n{metrics_table(metrics)}\noutput in {directory}")
-
-
-def _threads() -> int:
-    import numba
-
-    return numba.get_num_threads()

@@ -15,14 +15,14 @@ centreline; transfers are what the walls' particles booked in that time.
 References
 ----------
 Moukalled & Acharya, J. Thermophys. Heat Transfer 10 (1996) 524 (the problem); Jacob, "SDPD-SSA"
-(2020) (the errors printed). The reference solution is our own, by finite elements (see the data
-files' headers).
+(2020) (the errors printed); Jacob, "SPH-BVF" (2020) (200² with a transport velocity). The reference
+solution is our own, by finite elements (see the data files' headers).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -50,11 +50,12 @@ from particell.materials import AVOGADRO, Fluid
 from particell.output.run import Run
 from particell.phases import Phase, box_walls
 from particell.schemes.sdpd import SDPD
+from particell.schemes.transport_velocity import TransportVelocity
 from particell.simulation import Simulation
 
 GRAVITY = 9.81
-#: Kernel support in spacings, and layers of wall particles, which must fill it.
-SUPPORT, LAYERS = 3.0, 3
+#: Kernel support in spacings by scheme, and layers of wall particles, which must fill it.
+SUPPORT, LAYERS = {"sdpd": 3.0, "transport-velocity": 2.6}, 3
 
 
 class NaturalConvection(Case):
@@ -62,7 +63,21 @@ class NaturalConvection(Case):
 
     name = "natural-convection"
     title = "Natural convection around a cylinder in a square cavity, driven by a solute"
-    full: ClassVar[Mapping[str, Any]] = {"resolution": 81}
+    full: ClassVar[Sequence[Mapping[str, Any]]] = [
+        {"resolution": 81, "rayleigh": 1e4},
+        {"resolution": 81, "rayleigh": 1e5, "end": 40.0},
+        # it swings: averaged over two periods of 13.4 L/v0
+        {"resolution": 81, "rayleigh": 1e6, "end": 80.0, "averaging": 26.8},
+        *(
+            {"scheme": "transport-velocity", "resolution": 200, "every_star": 0.5, **more}
+            for more in (
+                {"rayleigh": 1e4},
+                {"rayleigh": 1e5, "end": 40.0},
+                # three periods of the plume's swaying, which hardly decays
+                {"rayleigh": 1e6, "end": 100.0, "averaging": 40.2},
+            )
+        ),
+    ]
 
     resolution: Annotated[int, Field(ge=20, le=400)] = 40
     """Particles along a side of the cavity."""
@@ -82,8 +97,10 @@ class NaturalConvection(Case):
     """Concentration on the cylinder."""
     density: Annotated[Density, Field(gt=0)] = 1000.0
     """Density of the fluid."""
+    scheme: Literal["sdpd", "transport-velocity"] = "sdpd"
+    """Plain SPH with shifting, or SPH with a transport velocity."""
     shifting: Annotated[float, Field(ge=0, le=2)] = 0.5
-    """Particle shifting in units of ρ c₀²."""
+    """Particle shifting in units of ρ c₀² (plain SPH)."""
     end: Annotated[float, Field(gt=0)] = 25.0
     """End of the run in units of L/v0."""
     averaging: Annotated[float, Field(gt=0)] = 5.0
@@ -151,29 +168,41 @@ class NaturalConvection(Case):
             Species("C_molecules", self.diffusivity, molecules=True),
         ]
         expansion = v0**2 / (GRAVITY * side * self.concentration)
-        scheme = SDPD(
-            support=SUPPORT,
-            reference_speed=0.5 * v0,
-            # what the lightest column, through the cylinder, weighs less than one along a wall
-            pressure_drop=0.5 * self.density * v0**2,
-            shifting=self.shifting,
-        )
-        planes = [p.surface for p in phases if isinstance(p.surface, HalfSpace)]
         return Simulation(
             self.domain,
             phases,
-            scheme,
+            self.description(),
             species,
             boundaries=[
                 *self.values([s.name for s in species], phases),
-                Reflection(self.cylinder),
-                *(Reflection(plane) for plane in planes),
+                *self.safeguards(phases),
             ],
             forces=[Buoyancy(self.driver, expansion, (0.0, -GRAVITY))],
             seed=context.seed,
             device=context.device,
             normalise_diffusion=True,
         )
+
+    def description(self) -> SDPD | TransportVelocity:
+        """The scheme."""
+        speeds: dict[str, Any] = {
+            "reference_speed": 0.5 * self.velocity,
+            # what the lightest column, through the cylinder, weighs less than one along a wall
+            "pressure_drop": 0.5 * self.density * self.velocity**2,
+        }
+        support = SUPPORT[self.scheme]
+        if self.scheme == "sdpd":
+            return SDPD(support=support, shifting=self.shifting, **speeds)
+        return TransportVelocity(
+            support=support, pressure_force="difference", fixed_volume=True, **speeds
+        )
+
+    def safeguards(self, phases: list[Phase]) -> list[Reflection]:
+        """Reflecting surfaces for plain SPH; the transport velocity has walls that bounce back."""
+        if self.scheme != "sdpd":
+            return []
+        planes = [p.surface for p in phases if isinstance(p.surface, HalfSpace)]
+        return [Reflection(self.cylinder), *(Reflection(plane) for plane in planes)]
 
     def values(self, species: list[str], phases: list[Phase]) -> list[FixedValueWall]:
         """C₀ on the cylinder and 0 on the cavity's walls."""
@@ -211,7 +240,10 @@ class NaturalConvection(Case):
 
     def analyse(self, run: Run, simulation: Simulation) -> dict[str, Metric]:
         """See :mod:`particell.cases.natural_convection_results`."""
-        return results.metrics(self, run)
+        found = results.metrics(self, run)
+        if self.scheme == "transport-velocity":
+            found |= results.wall_metrics(self, run, simulation)
+        return found
 
     def figures(self, run: Run, directory: Path) -> list[Path]:
         """See :mod:`particell.cases.natural_convection_results`."""

@@ -14,20 +14,27 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from particell import plots
+from particell.analysis.arrangement import evenness
 from particell.analysis.statistics import epsilon_error
 from particell.cases import reference
 from particell.cases.base import Metric
 from particell.cases.scores import poisson_metric
+from particell.geometry.shapes import Box
 from particell.materials import AVOGADRO
 from particell.output.run import Run
 
 if TYPE_CHECKING:
     from particell.cases.natural_convection import NaturalConvection
+    from particell.simulation import Simulation
 
 #: Limit of the profiles' root mean square errors, as a part of their range.
 PROFILE_LIMIT = 0.03
 #: Limit of the transfers' relative errors.
 TRANSFER_LIMIT = 0.05
+#: The same with a transport velocity: of profiles (beyond Ra = 3e5 the second), of transfers.
+TV_PROFILE_LIMIT, TV_TRANSFER_LIMIT = (0.02, 0.05), 0.03
+#: Largest void in spacings: with a transport velocity no particle's place is empty.
+VOID_LIMIT = 1.0
 #: Half of the total transfer Q/(κΔC) by Ra, from the reference solution.
 HALF_TRANSFER = {1e4: 2.06945, 1e5: 3.77456, 1e6: 6.10100}
 #: The papers' errors ε of v_y* √(Ra/Sc) by Ra; that of C* is about 2.5e-3 in all.
@@ -150,15 +157,36 @@ def poisson_score(run: Run) -> Metric:
     return poisson_metric(count, mean, ALARM, fewest=20.0)
 
 
+def limits(case: NaturalConvection) -> tuple[float, float]:
+    """Of profiles and of transfers."""
+    if case.scheme == "sdpd":
+        return PROFILE_LIMIT, TRANSFER_LIMIT
+    return TV_PROFILE_LIMIT[int(case.rayleigh > 3e5)], TV_TRANSFER_LIMIT
+
+
+def wall_metrics(case: NaturalConvection, run: Run, simulation: Simulation) -> dict[str, Metric]:
+    """What walls that nothing penetrates and evenly spread particles promise."""
+    square = Box(list(run.domain.lower), list(run.domain.upper))
+    even = evenness(run.field("position")[-1], case.spacing, square - case.cylinder)
+    counts = simulation.conservation()
+    return {
+        "largest_void": Metric(even.void, limit=VOID_LIMIT),
+        "crowding": Metric(1 / even.closest),
+        "inside_walls": Metric(counts["inside walls"], limit=0.0),
+        "bounces": Metric(counts["bounces"]),
+    }
+
+
 def metrics(case: NaturalConvection, run: Run) -> dict[str, Metric]:
     """Errors of profiles and transfers; limits on the species that drives the flow."""
     found: dict[str, Metric] = {}
     compared = exact(case) is not None
     rescale = np.sqrt(case.rayleigh / case.schmidt)
     at_paper_size = compared and case.resolution == 81
+    profile_limit, transfer_limit = limits(case)
     if compared:
         speed = profile(case, run, "velocity")
-        found["vy_error"] = Metric(speed.error, limit=PROFILE_LIMIT)
+        found["vy_error"] = Metric(speed.error, limit=profile_limit)
         found["vy_eps"] = Metric(
             epsilon_error(speed.value * rescale, speed.expected * rescale, 1.0),
             PAPER_VELOCITY[case.rayleigh] if at_paper_size else None,
@@ -167,7 +195,7 @@ def metrics(case: NaturalConvection, run: Run) -> dict[str, Metric]:
         limited = kind == case.driven_by
         if compared:
             line = profile(case, run, kind)
-            found[f"C_error_{kind}"] = Metric(line.error, limit=PROFILE_LIMIT if limited else None)
+            found[f"C_error_{kind}"] = Metric(line.error, limit=profile_limit if limited else None)
             found[f"C_eps_{kind}"] = Metric(
                 epsilon_error(line.value, line.expected, 1.0),
                 PAPER_CONCENTRATION if at_paper_size else None,
@@ -180,7 +208,7 @@ def metrics(case: NaturalConvection, run: Run) -> dict[str, Metric]:
             if compared:
                 error = mean / HALF_TRANSFER[case.rayleigh] - 1
                 found[f"transfer_{body}_{kind}_error"] = Metric(
-                    error, limit=TRANSFER_LIMIT if limited else None
+                    error, limit=transfer_limit if limited else None
                 )
         net = run.observable(f"amount_{KINDS[kind]}") - run.observable(f"inflow_{KINDS[kind]}")
         size = abs(run.observable(f"amount_{KINDS[kind]}")[-1])

@@ -1,19 +1,28 @@
-"""Chi-square metrics: numbers of molecules against what they should be."""
+"""Metrics that several cases share: chi-squares of molecules, and the density's drift."""
 
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.stats import chi2
+from scipy.stats import binom, chi2, norm, poisson
 
 from particell.cases.base import Metric
+from particell.output.run import Run
 
+if TYPE_CHECKING:
+    from particell.simulation import Simulation
+
+#: Largest drift of the mean density over a run.
+DRIFT = 5e-3
 #: False-alarm rate of a metric.
 ALARM = 1e-6
-#: Poisson numbers of a smaller mean are too far from normal ones for their chi-square.
+#: Poisson numbers of a smaller mean are left out: there the error of the mean would be seen.
 FEWEST = 10.0
+#: Seed of the numbers that spread each count over its step of the distribution.
+SEED = 20190101
 
 
 def chi_square_metric(square: float, freedom: int, alarm: float = ALARM) -> Metric:
@@ -26,14 +35,46 @@ def chi_square_metric(square: float, freedom: int, alarm: float = ALARM) -> Metr
     return Metric(square / freedom, limit=float(chi2.isf(alarm, freedom) / freedom))
 
 
+def density_drift(run: Run, simulation: Simulation, density: float) -> Metric:
+    """Relative change of the fluid's mean density over a run, from ``density`` in kg/m³.
+
+    Where the scheme keeps the fluid's volume, the change is what it would have been, without a
+    limit: it has been put right.
+    """
+    mean = float(run.field("density")[-1][run.group("fluid")].mean())
+    put_right = simulation.conservation().get("volume put right")
+    if put_right is None:
+        return Metric(mean / density - 1, limit=DRIFT)
+    return Metric(mean / density / (1 + put_right) - 1)
+
+
 def poisson_metric(
     counts: ArrayLike, means: ArrayLike, alarm: float = ALARM, fewest: float = FEWEST
 ) -> Metric:
-    """Reduced chi-square Σ (N - λ)²/λ of independent Poisson numbers N of known means λ.
+    """Reduced chi-square of independent Poisson numbers of known means, by their normal scores.
 
     Those with a mean below ``fewest`` are left out.
     """
     number, mean = np.asarray(counts, float), np.asarray(means, float)
     enough = mean >= fewest
-    number, mean = number[enough], mean[enough]
-    return chi_square_metric(float(np.sum((number - mean) ** 2 / mean)), mean.size, alarm)
+    score = normal_scores(number[enough], poisson(mean[enough]))
+    return chi_square_metric(float(score @ score), score.size, alarm)
+
+
+def binomial_metric(counts: ArrayLike, trials: ArrayLike, share: ArrayLike) -> Metric:
+    """Reduced chi-square of independent binomial numbers of known chances, by normal scores."""
+    score = normal_scores(np.asarray(counts, float), binom(trials, share))
+    return chi_square_metric(float(score @ score), score.size)
+
+
+def normal_scores(number: np.ndarray, law: Any) -> np.ndarray:
+    """Whole numbers of a frozen ``scipy.stats`` law, made standard normal: Φ⁻¹ of the rank.
+
+    Each is spread evenly over its step of the distribution, which makes ranks uniform and scores
+    normal exactly, however small the mean: (N - λ)²/λ has too long a tail for a chi-square where
+    few numbers of a mean of some ten are added up.
+    """
+    part = np.random.default_rng(SEED).uniform(size=number.shape) * law.pmf(number)
+    below = law.cdf(number - 1) + part
+    above = law.sf(number) + law.pmf(number) - part
+    return np.where(below < 0.5, norm.ppf(below), norm.isf(above))

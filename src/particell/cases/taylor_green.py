@@ -41,11 +41,29 @@ neighbours.
 
 With a transport velocity
 -------------------------
-``scheme=transport-velocity`` starts from the square lattice, as the papers do. With 50² particles,
-Lucy's kernel with support 2.6 spacings and t = 0 to 1 (rate; largest error of the maximal speed):
+``scheme=transport-velocity`` starts from the square lattice, as the papers do, and takes pressure
+differences (``pressure_force``). With 50² particles, Lucy's kernel with support 2.6 spacings, t = 0
+to 0.8 (loss of energy beyond the exact one's at the end; largest error of the maximal speed):
+
+=======================================  ======  =======
+square lattice (the default)             4.4 %   3.0 %
+packed                                   1.1 %   0.3 %
+hexagonal lattice                        2.3 %   1.0 %
+square, support 3                        2.6 %   1.6 %
+square, shift of twice the background    3.4 %   2.1 %
+square, Mach number 0.05                 3.8 %   2.0 %
+square, without density filter           6.1 %   4.2 %
+square, conserving flux of momentum      7.0 %   4.7 %
+square, no flux of momentum              5.5 %   3.2 %
+=======================================  ======  =======
+
+Half of that is lost while the lattice breaks, between t = 0.1 and 0.4. With 100² to t = 5 the rate
+of decay is 0.3 % too large and the speed 2.3 % too small.
+
+With the symmetric pressure force, t = 0 to 1 (rate; largest error of the maximal speed):
 
 ==============================================  ======  =======
-square lattice (the default)                    1.029   4.1 %
+square lattice                                  1.029   4.1 %
 packed                                          1.001   0.4 %
 jittered lattice                                1.002   0.6 %
 square, support 3                               1.028   3.4 %
@@ -56,8 +74,8 @@ square, density by the plain divergence         1.27    20 %
 packed, density by the plain divergence         1.01    1.3 %
 ==============================================  ======  =======
 
-From the lattice 5 % of the energy is lost between t = 0.1 and 0.3, where the lattice breaks, and
-none after that; from disorder the scheme is right to a few tenths of a per cent.
+There 5 % of the energy is lost between t = 0.1 and 0.3 from the lattice, none after that, and none
+from disorder.
 
 References
 ----------
@@ -77,6 +95,7 @@ from pydantic import Field
 from particell import plots
 from particell.analysis.statistics import decay_rate
 from particell.cases.base import Case, Context, Density, Length, Metric, Velocity
+from particell.cases.scores import density_drift
 from particell.geometry.domain import Domain
 from particell.geometry.fill import arranged
 from particell.materials import Fluid
@@ -88,6 +107,9 @@ from particell.simulation import Simulation
 
 #: Largest relative error of the decay's rate and of the largest speed: see the description.
 LIMIT = 0.05
+#: The same with a transport velocity and at least this many particles along an edge; the speed's
+#: counts from a time in L/U on.
+TV_RATE_LIMIT, TV_SPEED_LIMIT, TV_RESOLUTION, TV_FROM = 0.005, 0.02, 100, 0.5
 
 
 class TaylorGreen(Case):
@@ -96,7 +118,13 @@ class TaylorGreen(Case):
     name = "taylor-green"
     title = "Taylor–Green vortices decaying in a periodic square"
     reference: ClassVar[str] = "exact solution of the Navier-Stokes equations"
-    full: ClassVar[dict[str, Any]] = {"resolution": 100, "end": 5.0}
+    full: ClassVar[list[dict[str, Any]]] = [
+        {"resolution": 100, "end": 5.0},
+        *(
+            {"scheme": "transport-velocity", "resolution": n, "end": 5.0, **more}
+            for n, more in ((50, {}), (100, {}), (200, {}), (100, {"arrangement": "packed"}))
+        ),
+    ]
 
     resolution: Annotated[int, Field(ge=16, le=1000)] = 50
     """Particles along an edge."""
@@ -126,8 +154,12 @@ class TaylorGreen(Case):
     """Background pressure of the transport velocity in units of ρ c₀²."""
     momentum_flux: Literal["uniform", "conserving", "none"] = "uniform"
     """Form of the momentum that crosses between particles (transport velocity)."""
+    pressure_force: Literal["difference", "symmetric"] = "difference"
+    """Form of the pressure's force (transport velocity)."""
+    fixed_volume: bool = False
+    """Whether the mean density is kept (transport velocity); its drift says nothing then."""
     pressure_switch: bool = False
-    """Whether pairs that attract repel instead (transport velocity)."""
+    """Whether pairs that attract repel instead (transport velocity; symmetric force only)."""
     filter_every: Annotated[int, Field(ge=0)] = 20
     """Steps between density filters, 0 for none (transport velocity)."""
     mach: Annotated[float, Field(gt=0, le=0.3)] = 0.1
@@ -155,8 +187,8 @@ class TaylorGreen(Case):
     @property
     def conserves_momentum(self) -> bool:
         """Whether the scheme exchanges momentum to round-off."""
-        symmetric = self.momentum_flux != "uniform" and not self.pressure_switch
-        return self.scheme == "sdpd" or symmetric
+        symmetric = self.pressure_force == "symmetric" and not self.pressure_switch
+        return self.scheme == "sdpd" or (symmetric and self.momentum_flux != "uniform")
 
     def build(self, context: Context) -> Simulation:
         """The vortices at their first moment."""
@@ -192,6 +224,8 @@ class TaylorGreen(Case):
                 support=self.support or 2.6,
                 background=self.shift,
                 momentum_flux=self.momentum_flux,
+                pressure_force=self.pressure_force,
+                fixed_volume=self.fixed_volume,
                 pressure_switch=self.pressure_switch,
                 filter_every=self.filter_every,
             )
@@ -229,15 +263,21 @@ class TaylorGreen(Case):
         decay = 0.5 * decay_rate(run.times, energy).rate / self.rate - 1
         paper = 0.02 if self.reynolds == 100 else None
         density = run.field("density")[-1]
+        fine = self.scheme == "transport-velocity" and self.resolution >= TV_RESOLUTION
+        counts = (
+            run.times * self.speed / self.length >= TV_FROM * (1 - 1e-9) if fine else slice(None)
+        )
         expected = np.exp(-2 * self.rate * run.times)
         return {
-            "decay_rate_error": Metric(decay, limit=LIMIT),
+            "decay_rate_error": Metric(decay, limit=TV_RATE_LIMIT if fine else LIMIT),
             "largest_speed_error": Metric(
-                float(np.abs(self.speed_errors(run)).max()), paper=paper, limit=LIMIT
+                float(np.abs(self.speed_errors(run)[counts]).max()),
+                paper=paper,
+                limit=TV_SPEED_LIMIT if fine else LIMIT,
             ),
             "energy_error_end": Metric(float(energy[-1] / (energy[0] * expected[-1]) - 1)),
             "velocity_error_end": Metric(self._velocity_error(run)),
-            "density_drift": Metric(float(density.mean() / self.density - 1), limit=5e-3),
+            "density_drift": density_drift(run, simulation, self.density),
             "density_deviation": Metric(float(density.std() / self.density)),
             "momentum_drift": Metric(
                 simulation.conservation()["momentum"],

@@ -6,7 +6,8 @@ R + L ⇄ RL. The same flow carries the species twice, as concentrations and as 
 
 The channel is closed to a ring by a sponge upstream of x = 0, in which velocity and L are brought
 to the inlet's values; a stretch of free flow separates it from the channel's end. The flow is
-driven by the body force of an empty channel, 12 ν v₀/H²; the sponge supplies what the cell costs.
+driven by the body force of an empty channel, 12 ν v₀/H², and by what it takes beyond that to keep
+the flow rate: the cell's drag.
 Channel walls and cell are made of fixed particles with the velocity extrapolated through their
 surfaces.
 
@@ -30,6 +31,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
+from particell.boundaries.mean_velocity import MeanVelocity
 from particell.boundaries.reflection import Reflection
 from particell.boundaries.sponge import Sponge
 from particell.cases import yeast_channel_ensemble
@@ -177,17 +179,17 @@ class YeastChannel(Case):
         )
         species, reactions = self.species()
         cell = Circle(self.centre, self.radius)
-        sponge_targets = {s.name: self.inlet for s in species if s.name.startswith("L")}
+        phases = self.phases(domain, water, cell)
+        fluid_volume = len(phases[0].points) * dx**2
         simulation = Simulation(
             domain,
-            self.phases(domain, water, cell),
+            phases,
             scheme,
             species,
             reactions,
             [
-                Sponge(
-                    -self.sponge_length, 0.0, 3e-5 * self.time_unit, self.parabola, sponge_targets
-                ),
+                self.sponge(species),
+                MeanVelocity(self.mean_velocity * math.prod(domain.lengths) / fluid_volume),
                 Reflection(cell),
                 Reflection(HalfSpace((0, 0), (0, 1))),
                 Reflection(HalfSpace((0, self.height), (0, -1))),
@@ -201,6 +203,12 @@ class YeastChannel(Case):
             if s.name.startswith("R") and not s.name.startswith("RL"):
                 chemistry.set_concentration(s.name, self.concentration, "membrane")
         return simulation
+
+    def sponge(self, species: list[Species]) -> Sponge:
+        """The zone upstream of the inlet; its force keeps up with the flow's viscosity."""
+        time = 3e-5 * self.time_unit * min(1.0, self.reynolds)
+        targets = {s.name: self.inlet for s in species if s.name.startswith("L")}
+        return Sponge(-self.sponge_length, 0.0, time, self.parabola, targets)
 
     def sound_speed(self, nu: float) -> float:
         """c₀ by rule: 10 U, or 10 √(Δp/ρ) with the pressure that the cell's drag costs."""

@@ -11,7 +11,7 @@ from particell import plots
 from particell.analysis.statistics import relative_l2
 from particell.cases import reference
 from particell.cases.base import Metric
-from particell.cases.scores import chi_square_metric
+from particell.cases.scores import binomial_metric
 from particell.output.run import Run
 
 if TYPE_CHECKING:
@@ -91,8 +91,7 @@ def metrics(case: YeastChannel, run: Run) -> dict[str, Metric]:
 def _molecules_against_concentrations(run: Run, frame: int) -> Metric:
     """Reduced chi-square of RL molecules about the deterministic fraction of bound receptors.
 
-    Each of a particle's receptors is bound with that probability: the counts are binomial. Passes
-    below the quantile of a false-alarm rate of 1e-6.
+    Each of a particle's receptors is bound with that probability: the counts are binomial.
     """
     mask = run.group("membrane")
 
@@ -102,9 +101,7 @@ def _molecules_against_concentrations(run: Run, frame: int) -> Metric:
     bound = values("concentration/RL")
     share = bound / np.maximum(bound + values("concentration/R"), 1e-300)
     number = values("count/RL_molecules") + values("count/R_molecules")
-    variance = np.maximum(number * share * (1 - share), 1e-9)
-    square = ((values("count/RL_molecules") - number * share) ** 2 / variance).sum()
-    return chi_square_metric(float(square), int(mask.sum()))
+    return binomial_metric(values("count/RL_molecules"), number, share)
 
 
 def figures(case: YeastChannel, run: Run, directory: Path) -> list[Path]:

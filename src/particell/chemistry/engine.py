@@ -62,6 +62,8 @@ class Chemistry(Contents):
         volume V holds C V depth 𝒩 molecules. Amounts are in mol per depth.
     splitting
         ``"lie"`` or ``"strang"``, see :meth:`step`.
+    at_rest
+        The particles never move: what depends on their places alone is computed once.
 
     Attributes
     ----------
@@ -92,6 +94,7 @@ class Chemistry(Contents):
         normalise: bool = False,
         depth: float = 1.0,
         splitting: str = "lie",
+        at_rest: bool = False,
     ):
         if splitting not in ("lie", "strang"):
             raise InputError("splitting", splitting, "'lie' or 'strang'")
@@ -139,6 +142,11 @@ class Chemistry(Contents):
             "N, V, k": dispatcher(self.stochastic.laws, "N, V, k"),
         }
         self._rows: Any = None
+        # at rest, weights and rates are kept; tables of jumps share an array, and what switches
+        # changes the rates
+        self._at_rest = at_rest
+        self._rates_last = at_rest and len(self._jump_tables) < 2 and not self._switching
+        self._measured = self._rated = False
 
     def limits(self) -> dict[str, float]:
         """Largest steps in s by name: 0.05 h²/κ for each kind of species.
@@ -216,16 +224,13 @@ class Chemistry(Contents):
         """All exchange between particles: jumps of molecules first, then that of amounts."""
         n = self.particles.n
         diffusing = bool(len(self.deterministic.diffusing))
-        if self.normalise and (diffusing or self._walks):
-            self._kernel_sums(n)
-        for g, area in self._areas.items():
-            self._facing_area(n, g)
-            total = self._reduction.sum(self._fields["facing"].reshape(n, 1))[0]
-            self._scale[g] = area / total if total > 0 else 0.0
-        if self._areas:
-            self.device.write(self._fields["wall_scale"], self._scale)
+        if not self._measured:
+            self._measure(n)
         for walks in self._walks:
+            if not self._rated:
+                walks.renew(n, step)
             self.jumps += walks.run(n, step, tau, self.binomial_cost)
+        self._rated = self._rates_last
         if not diffusing:
             return
         if self._switching:
@@ -240,6 +245,20 @@ class Chemistry(Contents):
         self._prepare(n)
         self._exchange(n, tau)
         self._average(n)
+
+    def _measure(self, n: int) -> None:
+        """What diffusion needs of the particles' places: kernel sums, weights, areas of walls."""
+        self._measured = self._at_rest
+        if self.normalise and (len(self.deterministic.diffusing) or self._walks):
+            self._kernel_sums(n)
+        if self._at_rest and len(self.deterministic.diffusing):
+            self._exchange_weights(n)
+        for g, area in self._areas.items():
+            self._facing_area(n, g)
+            total = self._reduction.sum(self._fields["facing"].reshape(n, 1))[0]
+            self._scale[g] = area / total if total > 0 else 0.0
+        if self._areas:
+            self.device.write(self._fields["wall_scale"], self._scale)
 
     def _hold(self, step: int) -> None:
         if self._reservoirs:
@@ -279,8 +298,10 @@ class Chemistry(Contents):
         rows = self.neighbours.fields["neighbours"]
         if rows is self._rows:
             return
-        self._rows = rows
+        self._rows, self._measured, self._rated = rows, False, False
         f = self._fields
+        weighted = self._at_rest and len(self.deterministic.diffusing)
+        f["exchange"] = self.device.zeros(len(rows) if weighted else 1, np.float64)
         if self._jump_tables:
             f["cumulative"] = self.device.zeros(len(rows), np.float32)
         common = {**self.neighbours.fields, **self.particles.fields, **f}
@@ -298,7 +319,8 @@ class Chemistry(Contents):
         self._prepare = bind(prepare, amounts, COLUMNS=columns)
         self._kernel_sums = bind(diffusion.kernel_sums, amounts, **self._without("NORMALISE"))
         self._facing_area = bind(fluxes.facing_area, amounts, **self._shape)
-        self._exchange = bind(diffusion.diffuse, amounts, **self._pair)
+        self._exchange_weights = bind(diffusion.exchange_weights, amounts, **self._shape)
+        self._exchange = bind(diffusion.diffuse, amounts, **self._pair, AT_REST=self._at_rest)
         self._remember = bind(remember, amounts, COLUMNS=columns)
         self._average = bind(average, amounts, COLUMNS=columns)
         self._hold_amounts = bind(reservoirs.hold_amounts, amounts)

@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import config
 
 from particell.chemistry import massaction
 from particell.chemistry.network import Tables
 from particell.chemistry.reservoirs import WALL_FLUX, WALL_VALUE
 from particell.compute.device import Device
 from particell.compute.loop import particle_loop
+from particell.compute.threads import available_threads
 from particell.errors import InputError
 from particell.particles import Particles
 
@@ -55,7 +55,7 @@ def scratch_fields(
 ) -> dict[str, Any]:
     """Work arrays, no larger than what the species need."""
     zeros, n = device.zeros, particles.n
-    threads = config.NUMBA_NUM_THREADS if device.backend == "cpu" else 1  # type: ignore[attr-defined]
+    threads = available_threads() if device.backend == "cpu" else 1
     columns = len(deterministic.names)
     molecules = n if stochastic.names else 1
     fields: dict[str, Any] = {

@@ -73,6 +73,7 @@ class Walks:
             CandidateTable(device, jumps.resident_probabilities),
             CandidateTable(device, jumps.inflow_probabilities),
         )
+        self._fastest = 0.0
         self._zeros = np.zeros(fields["counters"].shape, np.int64)
         self._reserve(jumps.rounds_needed(4.0))
         self._bind()
@@ -90,8 +91,8 @@ class Walks:
         self.collect = bind(jumps.collect, f)
         self.settle = bind(jumps.settle, f, **switch)
 
-    def run(self, n: int, step: int, tau: float, binomial_cost: float) -> int:
-        """Move the molecules of n particles during tau; the jumps made.
+    def renew(self, n: int, step: int) -> None:
+        """The jump rates of n particles where they are now.
 
         Raises
         ------
@@ -100,13 +101,17 @@ class Walks:
         """
         f = self._fields
         self.rates(n)
-        fastest = self._reduction.max(f["leave_rate"])
+        self._fastest = fastest = self._reduction.max(f["leave_rate"])
         if not math.isfinite(fastest):
             bad = int(np.argmin(np.isfinite(self.device.to_host(f["leave_rate"]))))
             particle = int(self.device.to_host(f["id"])[bad])
             raise RunError(
                 "jump rate is not finite", step=step, time=math.nan, field="x", particle=particle
             )
+
+    def run(self, n: int, step: int, tau: float, binomial_cost: float) -> int:
+        """Move the molecules of n particles during tau; the jumps made."""
+        fastest = self._fastest
         mean = fastest * tau
         length = jumps.rounds_needed(mean)
         if length > len(self._tables[0].array):

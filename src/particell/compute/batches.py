@@ -21,11 +21,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numba
 import numpy as np
 from numba import njit
 
-from particell.compute.cache import NUMBA_CONFIG
+from particell.compute.threads import available_threads
 
 if TYPE_CHECKING:
     from particell.compute.device import Device
@@ -46,14 +45,17 @@ def batch_buffer(device: Device, n: int, width: int = 1, dtype: type | None = No
 
     One-dimensional, with ``batch_size(device)`` pairs a row; of one number where n is 0.
     """
-    rows = min(n, NUMBA_CONFIG.NUMBA_NUM_THREADS) if device.backend == "cpu" else n
+    rows = min(n, available_threads()) if device.backend == "cpu" else n
     return device.zeros(max(1, rows * batch_size(device) * width), dtype)
 
 
 @njit
-def batch_row(i):
-    """The row of the buffer that particle i may use now: that of this thread."""
-    return np.uint64(numba.get_thread_id())
+def batch_row(i, thread=0):
+    """The row of the buffer that particle i may use now: that of this thread.
+
+    Bodies of loops write ``batch_row(i)``; the thread is filled in where they are compiled.
+    """
+    return thread
 
 
 @njit

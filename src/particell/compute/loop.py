@@ -28,29 +28,19 @@ from contextlib import contextmanager
 from typing import Any, overload
 
 import numba
-from numba import njit, prange
+import numpy as np
+from numba import njit
 from numba.core import event
 
-from particell.compute.cache import NUMBA_CONFIG, compiled_here
+from particell.compute.cache import compiled_here
 from particell.compute.simulator import for_simulator, simulating
+from particell.compute.threads import Shared
 
 #: ``fastmath=True`` would delete ``isfinite``. Re-association is for loops over batches only: with
 #: it LLVM vectorises sums over neighbours with gather instructions, which are more than twice
 #: slower than scalar loads on processors with the mitigations of recent years.
 FASTMATH = {"contract", "arcp", "nsz"}
-#: Only what ``prange`` needs: the other automatic transformations double the compile time.
-PARALLEL = {
-    "prange": True,
-    "comprehension": False,
-    "reduction": False,
-    "inplace_binop": False,
-    "setitem": False,
-    "numpy": False,
-    "stencil": False,
-    "fusion": False,
-}
 THREADS_PER_BLOCK = 128
-PARTICLES_PER_THREAD = 1000
 
 
 class CompileLog:
@@ -144,13 +134,27 @@ def _without_return(node: ast.For | ast.While) -> ast.AST:
     return node
 
 
-def _define(loop: Loop, constants: dict[str, Any], statements: list, extra: dict) -> Callable:
-    """Compile ``def loop(n, *arguments): statements`` with the constants as its globals."""
+class _GiveThread(ast.NodeTransformer):
+    """Tell the functions that keep something for each thread which thread it is."""
+
+    def __init__(self, names: set[str]):
+        self.names = names
+
+    def visit_Call(self, node: ast.Call) -> ast.AST:
+        self.generic_visit(node)
+        if isinstance(node.func, ast.Name) and node.func.id in self.names:
+            node.args.append(ast.copy_location(ast.Name("thread", ast.Load()), node))
+        return node
+
+
+def _define(
+    loop: Loop, first: list[str], constants: dict[str, Any], statements: list, extra: dict
+) -> Callable:
+    """Compile ``def loop(*first, *arguments): statements`` with the constants as its globals."""
     function = loop.tree()
-    names = ["n", *loop.arguments]
     function.args = ast.arguments(
         posonlyargs=[],
-        args=[ast.arg(arg=name) for name in names],
+        args=[ast.arg(arg=name) for name in [*first, *loop.arguments]],
         kwonlyargs=[],
         kw_defaults=[],
         defaults=[],
@@ -167,23 +171,33 @@ def _define(loop: Loop, constants: dict[str, Any], statements: list, extra: dict
     return made
 
 
-def _cpu_loop(loop: Loop, constants: dict[str, Any]) -> Callable[..., None]:
+def cpu_python(loop: Loop, constants: dict[str, Any]) -> Callable[..., None]:
+    """The Python function that is compiled to run a range of particles on one thread."""
+    from particell.compute import batches, scatter
+
+    of_threads = {id(scatter.scatter_add), id(batches.batch_row)}
+    names = {name for name, value in loop.body.__globals__.items() if id(value) in of_threads}
     tree = loop.tree()
-    transform = _ReturnToContinue()
-    inner = [transform.visit(statement) for statement in tree.body]
-    header = ast.parse(f"for {loop.index} in prange(n):\n    pass").body[0]
+    transforms = [_ReturnToContinue(), _GiveThread(names)]
+    inner = tree.body
+    for transform in transforms:
+        inner = [transform.visit(statement) for statement in inner]
+    header = ast.parse(f"for {loop.index} in range(first, last):\n    pass").body[0]
     assert isinstance(header, ast.For)
     header.body = inner
-    python = _define(loop, constants, [ast.copy_location(header, tree.body[0])], {"prange": prange})
+    whole = [ast.copy_location(header, tree.body[0])]
+    return _define(loop, ["first", "last", "thread"], constants, whole, {})
+
+
+def _cpu_loop(loop: Loop, constants: dict[str, Any]) -> Callable[..., None]:
     options: dict[str, Any] = {
-        "parallel": PARALLEL,
         "fastmath": FASTMATH | {"reassoc"} if loop.vectorise else FASTMATH,
         "error_model": "numpy",
         "nogil": True,
         "cache": not any(callable(value) for value in constants.values()),
     }
     with compiled_here(loop.body.__code__.co_filename):
-        compiled = njit(**options)(python)
+        compiled = njit(**options)(cpu_python(loop, constants))
     return _timed_first_call(compiled, loop.vectorise)
 
 
@@ -235,16 +249,17 @@ class _PlainHelpers(event.Listener):
 def _timed_first_call(compiled: Callable[..., None], vectorise: bool) -> Callable[..., None]:
     """Count the seconds of the first call, in which the loop is compiled or read from the cache."""
     fresh = True
+    shared = Shared(compiled)
 
-    def call(*args: Any) -> None:
+    def call(n: int, *args: Any) -> None:
         nonlocal fresh
         if not fresh:
-            compiled(*args)
+            shared(n, *args)
             return
         fresh = False
         begin = time.perf_counter()
         with vectorisers(vectorise, compiled):
-            compiled(*args)
+            compiled(np.uint64(0), np.uint64(n), np.uint64(0), *args)
         CompileLog.seconds += time.perf_counter() - begin
         CompileLog.loops += 1
 
@@ -275,7 +290,7 @@ def cuda_python(loop: Loop, constants: dict[str, Any]) -> Callable[..., None]:
         for_simulator(helpers)
         constants.update({name: helpers[name] for name in constants})
         extra = {**helpers, **extra}
-    return _define(loop, constants, [*guard, *tree.body], extra)
+    return _define(loop, ["n"], constants, [*guard, *tree.body], extra)
 
 
 def _cuda_loop(loop: Loop, constants: dict[str, Any]) -> Callable[..., None]:
@@ -288,31 +303,6 @@ def _cuda_loop(loop: Loop, constants: dict[str, Any]) -> Callable[..., None]:
             kernel[(n + THREADS_PER_BLOCK - 1) // THREADS_PER_BLOCK, THREADS_PER_BLOCK](n, *args)
 
     return launch
-
-
-def set_threads(threads: int | None) -> int:
-    """Use ``threads`` threads (all of them if None) and return how many are in use."""
-    available = NUMBA_CONFIG.NUMBA_NUM_THREADS
-    if threads is not None:
-        if not 1 <= threads <= available:
-            raise ValueError(f"threads = {threads} is not between 1 and {available}")
-        numba.set_num_threads(threads)
-    return numba.get_num_threads()
-
-
-@contextmanager
-def suitable_threads(particles: int) -> Iterator[None]:
-    """Use no more threads inside the block than the number of particles keeps busy.
-
-    Threads that wait for each other after a few microseconds of work cost more than they bring,
-    above all on a machine that does other things too. Results do not depend on it.
-    """
-    before = numba.get_num_threads()
-    numba.set_num_threads(max(1, min(before, particles // PARTICLES_PER_THREAD)))
-    try:
-        yield
-    finally:
-        numba.set_num_threads(before)
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:

@@ -7,11 +7,14 @@ depend on the order, so both give the same bits for any number of threads.
 
 from __future__ import annotations
 
-import numba
 from numba import njit
 
 
-@njit
-def scatter_add(buffer, column, value):
-    """Add ``value`` to ``buffer[my thread, column]``; ``buffer`` has shape (threads, columns)."""
-    buffer[numba.get_thread_id(), column] += value
+@njit(inline="always")
+def scatter_add(buffer, column, value, thread=0):
+    """Add ``value`` to ``buffer[thread, column]``; ``buffer`` has shape (threads, columns).
+
+    Bodies of loops write ``scatter_add(buffer, column, value)``; the thread is filled in where
+    they are compiled.
+    """
+    buffer[thread, column] += value

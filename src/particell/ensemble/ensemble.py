@@ -15,6 +15,7 @@ import numpy as np
 from tqdm import tqdm
 
 from particell.cases.base import Case
+from particell.compute.threads import kept_threads
 from particell.ensemble import pool
 from particell.ensemble.jobs import (
     DONE,
@@ -24,7 +25,6 @@ from particell.ensemble.jobs import (
     Job,
     Outcome,
     finished,
-    kept_threads,
     prepare,
 )
 from particell.ensemble.results import ENSEMBLE, FAILURE, EnsembleRun, member

@@ -9,13 +9,13 @@ from __future__ import annotations
 import threading
 import traceback
 from collections.abc import Callable
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from particell.cases import execution
 from particell.cases.base import Case, Context
+from particell.compute.threads import kept_threads
 from particell.errors import InputError, Interrupted
 from particell.output.checkpoint import read_checkpoint
 from particell.output.run import CHECKPOINT, SUMMARY
@@ -228,15 +228,3 @@ def prepare(job: Job, seed: int, compile_loops: bool) -> None:
         if compile_loops:
             simulation.plan(job.every or simulation.largest_step())
             simulation.advance(simulation.chemistry_every)
-
-
-@contextmanager
-def kept_threads():
-    """Leave the number of threads of this process as it was."""
-    import numba
-
-    before = numba.get_num_threads()
-    try:
-        yield
-    finally:
-        numba.set_num_threads(before)

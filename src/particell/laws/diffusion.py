@@ -123,6 +123,39 @@ def kernel_sums(
 
 
 @particle_loop
+def exchange_weights(
+    i,
+    x,
+    support,
+    volume,
+    kernel_sum,
+    start,
+    stop,
+    neighbours,
+    period,
+    inverse_period,
+    alpha,
+    exchange,
+    *,
+    DIM,
+    KERNEL,
+    UNIFORM,
+    NORMALISE,
+):
+    """2 V_i V_j F_ij s_ij along row i, for particles that stay where they are."""
+    h = support[i]
+    for k in range(start[i], stop[i]):
+        j = neighbours[k]
+        r2 = separation_square(x, i, j, period, inverse_period, DIM)
+        if not UNIFORM:
+            h = 0.5 * (support[i] + support[j])
+        weight = 2.0 * volume[i] * volume[j] * pair_f(r2, h, alpha, DIM, KERNEL)
+        if NORMALISE:
+            weight *= 2.0 / (kernel_sum[i] + kernel_sum[j])
+        exchange[k] = weight
+
+
+@particle_loop
 def diffuse(
     i,
     x,
@@ -136,6 +169,7 @@ def diffuse(
     period,
     inverse_period,
     alpha,
+    exchange,
     tau,
     columns,
     pair_kappa,
@@ -162,24 +196,29 @@ def diffuse(
     SURFACE,
     FLUX,
     SWITCH,
+    AT_REST,
 ):
     """Exchange of all diffusing species (``columns``) during tau; see the module's docstring.
 
     ``pair_kappa`` (G, G, S) holds the mean diffusivity of a pair of groups. What comes through
     surfaces is booked by the fluid particle. With ``SWITCH`` particles that hold molecules of a
-    species (``continuous`` of its column ``partner``) are left to their jumps.
+    species (``continuous`` of its column ``partner``) are left to their jumps. ``AT_REST`` takes
+    the weights of pairs from ``exchange``.
     """
     g = group[i]
     h = support[i]
     for k in range(start[i], stop[i]):
         j = neighbours[k]
-        r2 = separation_square(x, i, j, period, inverse_period, DIM)
-        if not UNIFORM:
-            h = 0.5 * (support[i] + support[j])
-        both = volume[i] * volume[j]
-        weight = 2.0 * tau * both * pair_f(r2, h, alpha, DIM, KERNEL)
-        if NORMALISE:
-            weight *= 2.0 / (kernel_sum[i] + kernel_sum[j])
+        if AT_REST:
+            weight = tau * exchange[k]
+        else:
+            r2 = separation_square(x, i, j, period, inverse_period, DIM)
+            if not UNIFORM:
+                h = 0.5 * (support[i] + support[j])
+            both = volume[i] * volume[j]
+            weight = 2.0 * tau * both * pair_f(r2, h, alpha, DIM, KERNEL)
+            if NORMALISE:
+                weight *= 2.0 / (kernel_sum[i] + kernel_sum[j])
         other = group[j]
         for m in range(len(columns)):
             s = columns[m]

@@ -337,7 +337,10 @@ def rates(
                 if NORMAL:
                     friction /= near_sum[q]
                 if SWITCH:
-                    own_term = switched_term(term_i, term_j) if q < fluid_end else term_i
+                    if SWITCH == 2:
+                        own_term = -term_i
+                    else:
+                        own_term = switched_term(term_i, term_j) if q < fluid_end else term_i
                     along = pressure_acceleration(mass_j, own_term, term_j, f)
                 else:
                     along = pressure_acceleration(mass_j, term_i, term_j, f)

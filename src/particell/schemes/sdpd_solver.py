@@ -101,6 +101,7 @@ class SDPDSolver:
         if self.shifting:
             particles.add("transport", dim)
             self._parts = device.zeros((self.n, 1))
+            self.volume_drift = 0.0  # what the volume would have changed by, were it not kept
             self._reduction = Reduction(device)
             reference = np.array([m.density for m in by_group])[particles.host("group")]
             mobile = particles.host("is_wall") == 0
@@ -136,7 +137,7 @@ class SDPDSolver:
             "GAUSSIAN": scheme.noise == "gaussian",
             "WALLS": bool(neighbours.constants["WALLS"]),
             "SHIFT": self.shifting,
-            "SWITCH": False,
+            "SWITCH": 0,
             "NORMAL": scheme.normalise_viscosity,
             "UNKNOWN": "wall_distance" in particles,
             "BATCH": batch_size(device),
@@ -186,7 +187,7 @@ class SDPDSolver:
         if self.leapfrog:
             half = {**fields, "density": fields["density_half"]}
             quiet = {**o, "NOISE": False, "SHIFT": False, "MIXED": False, "RADIAL": False}
-            quiet["SWITCH"] = quiet["NORMAL"] = False
+            quiet["SWITCH"], quiet["NORMAL"] = 0, False
             self._density_rates = bind(rates, half, **quiet, DENSITY=True, FORCE=False)
             self._pack_half = bind(pack, half, **record)
             self.predict_density = bind(updates.predict_density, fields)
@@ -224,7 +225,9 @@ class SDPDSolver:
         crowd and not that δv undoes it, and the volumes shrink by a percent or so in ten passages.
         """
         self._volumes(self.n)
-        self._scale(self.n, self._reduction.sum(self._parts)[0] / self._volume)
+        factor = float(self._reduction.sum(self._parts)[0]) / self._volume
+        self._scale(self.n, factor)
+        self.volume_drift = (1.0 + self.volume_drift) * factor - 1.0
 
     def initialise(self, step: int, dt: float) -> None:
         """Density (if summed), pressure and acceleration of the initial state."""

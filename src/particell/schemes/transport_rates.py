@@ -30,6 +30,9 @@ from particell.laws.transport_velocity import (
 #: Codes of the form of the momentum's flux (``FLUX``).
 NONE, UNIFORM_FORM, CONSERVING_FORM = 0, 1, 2
 FORMS = {"none": NONE, "uniform": UNIFORM_FORM, "conserving": CONSERVING_FORM}
+#: Codes of the pressure's force (``SWITCH`` of :func:`particell.schemes.rates.rates`, where 1 is
+#: the symmetric force with the switch).
+PRESSURE_FORCES = {"symmetric": 0, "difference": 2}
 
 
 def flux_fields(

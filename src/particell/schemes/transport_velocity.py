@@ -21,7 +21,7 @@ from particell.kernels import kernel_code
 from particell.materials import Fluid
 from particell.particles import Particles
 from particell.schemes.timestep import VISCOUS
-from particell.schemes.transport_rates import FORMS
+from particell.schemes.transport_rates import FORMS, PRESSURE_FORCES
 from particell.schemes.transport_velocity_solver import TransportVelocitySolver
 
 
@@ -49,6 +49,15 @@ class TransportVelocity:
     pressure_switch
         Let pairs of fluid particles that attract each other repel instead, against cavitation; it
         does not conserve momentum.
+    pressure_force
+        ``"symmetric"``: P_i + P_j, which conserves momentum, but under a pressure P̄ any order of
+        the particles resists being sheared, like a solid with a yield stress of some per cent of
+        P̄. ``"difference"``: P_j − P_i, without force where P is uniform, whatever the arrangement,
+        and without that resistance, but conserving momentum only to the scheme's order.
+    fixed_volume
+        Keep Σ m/ρ of the fluid at its first value by scaling all densities at each build of the
+        neighbour list: for fluid that fills a closed or periodic space, whose mean pressure is
+        arbitrary.
     filter_every
         Steps between two applications of the density filter; 0 switches it off.
     impenetrable
@@ -76,6 +85,8 @@ class TransportVelocity:
     momentum_flux: str = "uniform"
     renormalise: bool = True
     pressure_switch: bool = False
+    pressure_force: str = "symmetric"
+    fixed_volume: bool = False
     filter_every: int = 20
     impenetrable: bool = True
     normalise_viscosity: bool = False
@@ -101,6 +112,11 @@ class TransportVelocity:
             raise InputError("background", self.background, "above 0 and at most 2")
         if self.momentum_flux not in FORMS:
             raise InputError("momentum_flux", self.momentum_flux, f"one of {', '.join(FORMS)}")
+        if self.pressure_force not in PRESSURE_FORCES:
+            allowed = f"one of {', '.join(PRESSURE_FORCES)}"
+            raise InputError("pressure_force", self.pressure_force, allowed)
+        if self.pressure_force == "difference" and self.pressure_switch:
+            raise InputError("pressure_switch", True, "False with pressure_force 'difference'")
         if not (isinstance(self.filter_every, int) and self.filter_every >= 0):
             raise InputError("filter_every", self.filter_every, "a whole number, zero or more")
         if not 0 < self.skin <= 1:

@@ -15,6 +15,7 @@ from particell.schemes.rates import RECORD
 from particell.schemes.sdpd_solver import SDPDSolver
 from particell.schemes.transport_rates import (
     FORMS,
+    PRESSURE_FORCES,
     filtered_density,
     flux_fields,
     flux_rates,
@@ -52,7 +53,8 @@ class TransportVelocitySolver(SDPDSolver):
         )
         particles.add("flux", self.dim)
         o = self.options
-        o["SWITCH"] = scheme.pressure_switch
+        o["SWITCH"] = 1 if scheme.pressure_switch else PRESSURE_FORCES[scheme.pressure_force]
+        self.FIXED_VOLUME = scheme.fixed_volume
         self.constants |= flux_fields(
             device, self.n, self.dim, o["UNIFORM"], o["WALLS"], RECORD[self.dim]
         )

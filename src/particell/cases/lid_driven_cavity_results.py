@@ -1,0 +1,257 @@
+"""What the lid-driven cavity is compared with, and its figures.
+
+Velocities are interpolated from the fluid's particles alone (first-order moving least squares) in
+each of the last frames, and averaged. Points on the walls, where the velocity is given, do not
+count.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from particell import plots
+from particell.analysis.arrangement import evenness
+from particell.cases import reference
+from particell.cases.base import Metric
+from particell.cases.scores import density_drift
+from particell.output.run import Run
+
+if TYPE_CHECKING:
+    from particell.cases.lid_driven_cavity import LidDrivenCavity
+    from particell.simulation import Simulation
+
+#: Largest r.m.s. difference from Ghia's points, over U, by Re: from a number of particles along a
+#: side on, and inversely as that number below it.
+GHIA_LIMIT = {100: (0.01, 100), 1000: (0.02, 200)}
+#: The Re at which corner vortices have a limit, that limit, and the resolution from which it holds.
+CORNERS_AT, CORNER_LIMIT, CORNER_RESOLUTION = 1000, 0.1, 200
+CORNERS = ("left_width", "left_height", "right_width", "right_height")
+#: The papers' sizes of the corner vortices at Re = 1000.
+PAPER_CORNERS = dict(zip(CORNERS, (0.20, 0.15, 0.30, 0.35), strict=True))
+#: Limits of the arrangement in spacings: the largest void has the size of a missing particle, and
+#: the closest pair half a spacing.
+VOID_LIMIT, CLOSEST_LIMIT = 1.0, 0.5
+#: Ghia's value of u at Re = 10000 and y = 1/2 is thought to be misprinted.
+MISPRINT = (10000, 0.5)
+
+
+class Line(NamedTuple):
+    """Places along a centreline over L, the run's velocity over U there, Ghia's, finite elements'.
+
+    The last two are NaN where there is no table for the Reynolds number.
+    """
+
+    s: np.ndarray
+    value: np.ndarray
+    ghia: np.ndarray
+    fem: np.ndarray
+
+
+def last_frames(case: LidDrivenCavity, run: Run) -> list[int]:
+    """The frames that are averaged over."""
+    return list(range(max(1, len(run) - case.frames), len(run)))
+
+
+def mean_velocity(case: LidDrivenCavity, run: Run, star: np.ndarray) -> np.ndarray:
+    """Averaged velocity over U at points (m, 2) over L."""
+    frames = last_frames(case, run)
+    points = star * case.length
+    total = sum(run.on_points("velocity", points, k, groups=["fluid"]) for k in frames)
+    return np.asarray(total) / (len(frames) * case.speed)
+
+
+def tabulated(case: LidDrivenCavity) -> int | None:
+    """The Reynolds number in the tables, or None where it is not."""
+    return round(case.reynolds) if case.reynolds in (100, 1000, 10000) else None
+
+
+def centreline(case: LidDrivenCavity, run: Run, component: str) -> Line:
+    """u along x = 1/2 (``"u"``) or v along y = 1/2 (``"v"``) at Ghia's points inside."""
+    table = reference.load(f"lid_driven_cavity_ghia_{component}")
+    s = table["y" if component == "u" else "x"]
+    number = tabulated(case)
+    inner = (s > 0) & (s < 1)
+    if component == "u" and number == MISPRINT[0]:
+        inner &= s != MISPRINT[1]
+    s = s[inner]
+    half = np.full_like(s, 0.5)
+    points = np.stack([half, s] if component == "u" else [s, half], axis=1)
+    value = mean_velocity(case, run, points)[:, 0 if component == "u" else 1]
+    ghia = fem = np.full_like(s, np.nan)
+    if number is not None:
+        ghia = table[f"{component}_{number}"][inner]
+        solution = reference.load("lid_driven_cavity_fem")
+        fem = np.interp(s, solution["s"], solution[f"{component}_{number}"])
+    return Line(s, value, ghia, fem)
+
+
+def rms(lines: list[Line], other: str) -> float:
+    """Root mean square difference of all lines from ``"ghia"`` or ``"fem"``."""
+    squares = np.concatenate([(line.value - getattr(line, other)) ** 2 for line in lines])
+    return float(np.sqrt(squares.mean()))
+
+
+def corner_sizes(case: LidDrivenCavity, run: Run) -> dict[str, float]:
+    """Distances from the bottom corners at which the wall's shear changes sign, over L.
+
+    The shear is the derivative of the parabola through the wall's zero velocity and those one and
+    two spacings away. NaN where the shear does not change sign up to 0.48 L from the corner.
+    """
+    d = 1.0 / case.resolution
+    s = np.linspace(2 * d, 0.48, 4 * case.resolution)
+    near = [np.full_like(s, k * d) for k in (1, 2)]
+    places = {
+        "left_width": ([(s, e) for e in near], 0),
+        "left_height": ([(e, s) for e in near], 1),
+        "right_width": ([(1 - s, e) for e in near], 0),
+        "right_height": ([(1 - e, s) for e in near], 1),
+    }
+    found = {}
+    for name, (points, component) in places.items():
+        one, two = (mean_velocity(case, run, np.stack(p, axis=1))[:, component] for p in points)
+        shear = 2 * one - 0.5 * two
+        change = np.flatnonzero(shear[:-1] * shear[1:] < 0)
+        if len(change) == 0:
+            found[name] = float("nan")
+            continue
+        k = int(change[-1])  # beyond it the main vortex; within, smaller and smaller ones
+        share = shear[k] / (shear[k] - shear[k + 1])
+        found[name] = float(s[k] + share * (s[k + 1] - s[k]))
+    return found
+
+
+def metrics(case: LidDrivenCavity, run: Run, simulation: Simulation) -> dict[str, Metric]:
+    """Velocities on the centrelines, corner vortices, evenness, walls."""
+    number = tabulated(case)
+    found: dict[str, Metric] = {}
+    if number is not None:
+        lines = [centreline(case, run, c) for c in "uv"]
+        limit, least = GHIA_LIMIT.get(number, (None, 1))
+        coarse = max(1.0, least / case.resolution)
+        found["ghia_rms"] = Metric(
+            rms(lines, "ghia"), limit=None if limit is None else limit * coarse
+        )
+        found["fem_rms"] = Metric(rms(lines, "fem"))
+    if number in (100, 1000):
+        rows = reference.load("lid_driven_cavity_corners")
+        row = int(np.flatnonzero(rows["reynolds"] == number)[0])
+        limited = number == CORNERS_AT and case.resolution >= CORNER_RESOLUTION
+        for name, size in corner_sizes(case, run).items():
+            paper = PAPER_CORNERS[name] if number == CORNERS_AT else None
+            found[f"corner_{name}"] = Metric(size, paper=paper)
+            error = size / rows[name][row] - 1
+            found[f"corner_{name}_error"] = Metric(error, limit=CORNER_LIMIT if limited else None)
+    energy = run.observable("kinetic_energy")
+    change = (energy[-1] / energy[-2] - 1) / (run.times[-1] - run.times[-2]) * case.every
+    found["energy_change"] = Metric(float(change))
+    found["end_time"] = Metric(float(run.times[-1] / case.every))
+    even = evenness(run.field("position")[-1], case.spacing, run.domain)
+    found["largest_void"] = Metric(even.void, limit=VOID_LIMIT)
+    found["crowding"] = Metric(1 / even.closest, limit=1 / CLOSEST_LIMIT)
+    found["density_drift"] = density_drift(run, simulation, case.density)
+    counts = simulation.conservation()
+    if "inside walls" in counts:
+        found["inside_walls"] = Metric(counts["inside walls"], limit=0.0)
+        found["bounces"] = Metric(counts["bounces"])
+    return found
+
+
+def figures(case: LidDrivenCavity, run: Run, directory: Path) -> list[Path]:
+    """Speed with streamlines, profiles, particles, convergence."""
+    made = {
+        "profiles": _profiles_figure(case, run),
+        "speed": _speed_figure(case, run),
+        "particles": _particles_figure(case, run),
+        "convergence": _convergence_figure(case, run),
+    }
+    return [plots.save(figure, directory / f"{name}.png") for name, figure in made.items()]
+
+
+@plots.styled
+def _profiles_figure(case: LidDrivenCavity, run: Run):
+    figure, (left, right) = plots.new_figure(7.0, 3.2, columns=2)
+    fine = np.linspace(0.5 / case.resolution, 1 - 0.5 / case.resolution, 161)
+    half = np.full_like(fine, 0.5)
+    vertical = mean_velocity(case, run, np.stack([half, fine], axis=1))[:, 0]
+    horizontal = mean_velocity(case, run, np.stack([fine, half], axis=1))[:, 1]
+    left.plot(vertical, fine, "-", label=f"{case.resolution}²")
+    right.plot(fine, horizontal, "-", label=f"{case.resolution}²")
+    number = tabulated(case)
+    if number is not None:
+        solution = reference.load("lid_driven_cavity_fem")
+        u, v = (reference.load(f"lid_driven_cavity_ghia_{c}") for c in "uv")
+        dashed = {"color": "black", "linestyle": "--", "linewidth": 0.8, "label": "finite elements"}
+        dots = {"color": plots.COLOURS[1], "mfc": "none", "label": "Ghia et al. 1982"}
+        left.plot(solution[f"u_{number}"], solution["s"], **dashed)
+        right.plot(solution["s"], solution[f"v_{number}"], **dashed)
+        left.plot(u[f"u_{number}"], u["y"], "o", **dots)
+        right.plot(v["x"], v[f"v_{number}"], "o", **dots)
+    left.set(xlabel="u / U on x = L/2", ylabel="y / L", ylim=(0, 1))
+    right.set(xlabel="x / L", ylabel="v / U on y = L/2", xlim=(0, 1))
+    left.legend()
+    return figure
+
+
+@plots.styled
+def _speed_figure(case: LidDrivenCavity, run: Run):
+    figure, axes = plots.new_figure(4.6, 3.8)
+    number = min(2 * case.resolution, 200)
+    star = (np.arange(number) + 0.5) / number
+    points = np.stack(np.meshgrid(star, star, indexing="ij"), axis=-1).reshape(-1, 2)
+    v = mean_velocity(case, run, points).reshape(number, number, 2)
+    speed = np.linalg.norm(v, axis=-1)
+    mesh = axes.pcolormesh(star, star, speed.T, shading="nearest", vmin=0, vmax=1)
+    axes.streamplot(
+        star,
+        star,
+        v[..., 0].T,
+        v[..., 1].T,
+        color="white",
+        linewidth=0.5,
+        arrowsize=0.6,
+        density=1.6,
+        broken_streamlines=False,
+    )
+    axes.set(xlim=(0, 1), ylim=(0, 1), aspect="equal", xlabel="x / L", ylabel="y / L")
+    axes.set_title(f"Re = {case.reynolds:g}, t = {run.times[-1] / case.every:.4g} L/U")
+    figure.colorbar(mesh, cax=axes.inset_axes((1.04, 0.0, 0.04, 1.0)), label="|v| / U")
+    return figure
+
+
+@plots.styled
+def _particles_figure(case: LidDrivenCavity, run: Run):
+    """All particles, and those at the corner that the lid moves towards."""
+    figure, pair = plots.new_figure(7.4, 3.5, columns=2)
+    star = run.field("position")[-1] / case.length
+    speed = np.linalg.norm(run.field("velocity")[-1], axis=1) / case.speed
+    fluid = run.group("fluid")
+    near = max(0.15, 12 / case.resolution)
+    for axes, low in zip(pair, ((0.0, 0.0), (1 - near, 1 - near)), strict=True):
+        width = 1 - low[0]
+        edge = 0.25 * near if width < 1 else 0.0
+        size = (72 * 2.6 / ((width + edge) * case.resolution)) ** 2 * 0.6
+        axes.scatter(*star[~fluid].T, s=size, color="0.7", linewidths=0)
+        mesh = axes.scatter(*star[fluid].T, s=size, c=speed[fluid], vmin=0, vmax=1, linewidths=0)
+        axes.set(xlim=(low[0], 1 + edge), ylim=(low[1], 1 + edge), aspect="equal")
+        axes.set(xlabel="x / L", ylabel="y / L")
+    figure.colorbar(mesh, cax=pair[1].inset_axes((1.04, 0.0, 0.04, 1.0)), label="|v| / U")
+    return figure
+
+
+@plots.styled
+def _convergence_figure(case: LidDrivenCavity, run: Run):
+    figure, (left, right) = plots.new_figure(6.8, 3.0, columns=2)
+    star = run.times / case.every
+    mass = run.static["mass"][run.group("fluid")].sum()
+    energy = run.observable("kinetic_energy") / (mass * case.speed**2)
+    left.plot(star, energy)
+    left.set(xlabel="t U / L", ylabel="kinetic energy / (m U²)")
+    change = np.abs(np.diff(energy) / energy[1:] / np.diff(star))
+    right.semilogy(star[1:], change, "o-", mfc="none", linewidth=0.8)
+    right.axhline(1e-3, color="black", linewidth=0.8, linestyle="--")
+    right.axvline(case.earliest / case.every, color="0.7", linewidth=0.8)
+    right.set(xlabel="t U / L", ylabel="change of the energy per L/U")
+    return figure

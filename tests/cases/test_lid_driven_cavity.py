@@ -1,0 +1,69 @@
+"""The lid-driven cavity at a small size; its tables and its measure of corner vortices."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from particell.cases import lid_driven_cavity_results as results
+from particell.cases import reference
+from particell.cases.base import Context
+from particell.cases.lid_driven_cavity import LID, LidDrivenCavity
+
+
+@pytest.fixture(scope="module")
+def small():
+    case = LidDrivenCavity(resolution=24, after=5, end=6, frames=2)
+    simulation = case.build(Context(seed=1))
+    run = simulation.run(case.until, case.every, progress=False, stop=case.stop())
+    return case, simulation, run
+
+
+def test_ghia_and_finite_elements_agree():
+    """As far as Ghia's own errors: 0.009 at Re = 100, 0.019 at 1000, 0.04 at 10000."""
+    solution = reference.load("lid_driven_cavity_fem")
+    for number, limit in ((100, 0.01), (1000, 0.02), (10000, 0.041)):
+        for name, along in (("u", "y"), ("v", "x")):
+            table = reference.load(f"lid_driven_cavity_ghia_{name}")
+            kept = (table[along] != results.MISPRINT[1]) | (number != results.MISPRINT[0])
+            s, values = table[along][kept], table[f"{name}_{number}"][kept]
+            away = values - np.interp(s, solution["s"], solution[f"{name}_{number}"])
+            assert np.abs(away).max() < limit
+
+
+def test_lid_keeps_its_place_and_drives_the_flow(small):
+    case, _, run = small
+    lid = run.group(LID)
+    assert np.array_equal(run.field("position")[0][lid], run.field("position")[-1][lid])
+    assert np.all(run.field("velocity")[-1][lid] == (case.speed, 0.0))
+    u = results.mean_velocity(case, run, np.array([[0.5, 0.5], [0.5, 0.95]]))[:, 0]
+    assert u[0] < -0.1 and u[1] > 0.5
+
+
+def test_metrics_and_figures(small, tmp_path):
+    case, simulation, run = small
+    found = case.analyse(run, simulation)
+    assert found["ghia_rms"].value < 0.06  # 24² is coarse, and the flow not yet steady
+    for name in ("largest_void", "crowding", "inside_walls"):
+        assert found[name].passed
+    assert all(path.stat().st_size > 0 for path in case.figures(run, tmp_path))
+
+
+def test_corner_vortex_of_a_given_flow(small, monkeypatch):
+    """A shear that changes its sign at 0.2 on all walls is found there."""
+    case, _, run = small
+
+    def velocity(case, run, star):
+        x, y = star.T
+        away = np.minimum(x, 1 - x)
+        return np.stack([y * (0.2 - away), away * (0.2 - y)], axis=1)
+
+    monkeypatch.setattr(results, "mean_velocity", velocity)
+    for size in results.corner_sizes(case, run).values():
+        assert size == pytest.approx(0.2, abs=1e-3)
+
+
+def test_it_stops_when_it_is_steady():
+    case = LidDrivenCavity(resolution=20, reynolds=5, after=1, end=20)
+    run = case.build(Context()).run(case.until, case.every, progress=False, stop=case.stop())
+    assert run.times[-1] < case.until

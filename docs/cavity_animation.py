@@ -20,20 +20,20 @@ from particell.cases.lid_driven_cavity import LidDrivenCavity
 
 
 def picture(x: np.ndarray, colour: np.ndarray, size: float, title: str) -> Image.Image:
-    """One frame, of 64 colours."""
+    """One frame, of 32 colours."""
     figure, axes = plots.new_figure(3.2, 3.3)
     axes.scatter(x[:, 0], x[:, 1], c=colour, s=size, linewidths=0, cmap="viridis", vmin=0, vmax=1)
     axes.set(xlim=(0, 1), ylim=(0, 1), aspect="equal", xticks=[], yticks=[], title=title)
     file = io.BytesIO()
-    figure.savefig(file, dpi=90)
-    return Image.open(file).convert("RGB").quantize(64)
+    figure.savefig(file, dpi=72)
+    return Image.open(file).convert("RGB").quantize(32)
 
 
 @click.command()
 @click.argument("out", type=click.Path(path_type=Path))
 @click.option("--resolution", default=50, show_default=True, help="Particles along a side.")
-@click.option("--end", default=9.0, show_default=True, help="In L/U.")
-@click.option("--frames", default=60, show_default=True, help="Number of frames.")
+@click.option("--end", default=8.0, show_default=True, help="In L/U.")
+@click.option("--frames", default=45, show_default=True, help="Number of frames.")
 def main(out: Path, resolution: int, end: float, frames: int) -> None:
     """Run the cavity at Re = 100 and write its animation."""
     case = LidDrivenCavity(resolution=resolution, end=end)
@@ -46,7 +46,7 @@ def main(out: Path, resolution: int, end: float, frames: int) -> None:
         for x, t in zip(positions, run.times, strict=True)
     ]
     first, *others = pictures
-    first.save(out, save_all=True, append_images=others, duration=120, loop=0, optimize=True)
+    first.save(out, save_all=True, append_images=others, duration=150, loop=0, optimize=True)
     print(f"{out}: {out.stat().st_size / 1e6:.2f} MB")
 
 

@@ -138,8 +138,8 @@ class TaylorGreen(Case):
     """Form of the momentum that crosses between particles (transport velocity)."""
     pressure_force: Literal["symmetric", "difference"] = "symmetric"
     """Form of the pressure's force (transport velocity)."""
-    fixed_volume: bool = False
-    """Whether the mean density is kept (transport velocity); its drift says nothing then."""
+    fixed_volume: bool = True
+    """Whether the mean density is kept (transport velocity)."""
     pressure_switch: bool = False
     """Whether pairs that attract repel instead (transport velocity; symmetric force only)."""
     filter_every: Annotated[int, Field(ge=0)] = 20

@@ -107,8 +107,7 @@ class Scope:
 
         def evaluate(points: Points) -> Points:
             places = dict(zip(AXES, points.T, strict=False))
-            with np.errstate(all="ignore"):
-                found = np.asarray(formula.value({**constants, **places}), dtype=float)
+            found = np.asarray(formula.value({**constants, **places}), dtype=float)
             if not np.all(np.isfinite(found)):
                 raise formula.error("a formula that is finite wherever it is needed")
             return np.array(np.broadcast_to(found, len(points)))

@@ -220,7 +220,10 @@ def test_molecules_walls_and_fills():
             reactions=[{"equation": "2 A -> 0", "forward": 0.1, "units": "molecules"}],
             initial=[{"species": "A", "count": "= where(x < 50 * 1e-6 * metre, 4, 1)"}],
             constants__metre="1 m",
-            boundaries=[{"type": "Reflection", "body": "cell"}],
+            boundaries=[
+                {"type": "Reflection", "body": "cell"},
+                {"type": "Sponge", "start": 0, "end": 1e-5, "time": 1, "velocity": [1e-3, 0]},
+            ],
         )
     )
     simulation = file.build(Context())

@@ -122,8 +122,8 @@ class InitialTable(Table):
             raise InputError("concentration, count", given, "given one of them")
         if self.count is not None and not is_formula(self.count):
             count = float(self.count)
-            if count != round(count) or count < 0:
-                raise InputError(f"count of {self.species}", count, "a whole number >= 0")
+            if count != round(count) or not 0 <= count < 2**53:
+                raise InputError(f"count of {self.species}", count, "a whole number, 0 to 2^53")
         return self
 
     def apply(self, scope: Scope, simulation: Simulation) -> None:

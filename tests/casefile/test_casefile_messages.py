@@ -149,6 +149,7 @@ def test_what_else_does_not_fit():
     refused("at most 'until'", run={"until": 1, "every": 2})
     refused("memory", phases__1__spacing=1e-12)
     refused("memory", phases__2__spacing=1e-30)
+    refused("1e+09 frames", run__every=5e-324)
     refused("finite wherever", phases__1__velocity=["= speed / (y / height - y / height)", 0])
     refused("axis of MeanVelocity", boundaries=[{"type": "MeanVelocity", "velocity": 1, "axis": 1}])
     refused("name", name="../../elsewhere")

@@ -227,6 +227,8 @@ def test_molecules_walls_and_fills():
         )
     )
     simulation = file.build(Context())
+    of_walls = sum("w-" in simulation.group_names[g] for g in simulation.particles.host("group"))
+    assert file.estimates(file.scope())["w"] == pytest.approx(of_walls)
     assert simulation.group_names == ["fluid", "cell", *walls]
     fluid = simulation.particles.select("fluid")
     x = simulation.particles.host("x")[fluid]

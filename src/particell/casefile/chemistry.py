@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from particell.casefile.formula import is_formula
 from particell.casefile.ratelaw import law_of
-from particell.casefile.scope import Scope, known
+from particell.casefile.scope import Scope
 from particell.casefile.table import ByGroup, Name, Profile, Table, describes
 from particell.chemistry.reactions import Reaction, parse_reaction
 from particell.chemistry.species import Species
@@ -134,7 +134,7 @@ class InitialTable(Table):
         assert chemistry is not None
         if self.count is not None:
             values = scope.profile("count", self.count, "")
-            chemistry.set_count(known("species", self.species, scope.species), values, self.group)
+            chemistry.set_count(self.species, values, self.group)
         else:
             values = scope.profile("concentration", self.concentration, "mol/m^3")
             chemistry.set_concentration(self.species, values, self.group)

@@ -156,6 +156,12 @@ def test_check_times_and_counts(tmp_path, capsys, monkeypatch):
     assert call(["check", str(path)]) == 0
     words = capsys.readouterr().out
     assert words.startswith("my-channel: Water") and "time:      about" in words
+    content = changed(constants__dye="1e6 mol/m^3")  # 1e15 events a step: not waited for
+    for species in content["species"]:
+        species["molecules"] = True
+    path.write_text(document(content))
+    assert call(["check", str(path)]) == 0
+    assert " days" in capsys.readouterr().out
     monkeypatch.setattr("particell.casefile.report.MOST_BUILT", 50)
     assert call(["check", str(path)]) == 0
     words = capsys.readouterr().out

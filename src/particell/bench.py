@@ -65,7 +65,7 @@ def walled(impenetrable: bool = True) -> Simulation:
     domain = Domain((0, 0), (1, 1), depth=1.0)
     material = Fluid(density=1.0, viscosity=VISCOSITY, sound_speed=10.0)
     inside = fluid(domain, material, 1 / n, velocity=lambda x: vortex(x + 0.25))
-    scheme = TransportVelocity(support=SUPPORT[2], skin=SKIN[2], impenetrable=impenetrable)
+    scheme = TransportVelocity(support=SUPPORT[2], impenetrable=impenetrable)
     return Simulation(domain, [inside, *box_walls(domain, material, 1 / n)], scheme)
 
 

@@ -118,6 +118,15 @@ def test_numbers_of_molecules():
     refused("given one of them", initial=[{"species": "dye"}])
 
 
+def test_what_cannot_be_stepped():
+    refused("dt = ", "at least", run={"until": 1e20})
+    refused("dt", "at least", materials__water__sound_speed=1e100)
+    refused("numbers that can be computed", materials__water__sound_speed=1e200)
+    whole = [{"name": "dye", "molecules": True}, {"name": "dye_bound", "molecules": True}]
+    many = [{"species": "dye", "concentration": 1e100}]
+    refused("number of molecules", species=whole, initial=many)
+
+
 def test_misspelt_keys():
     refused("key = 'domian'", "did you mean 'domain'", domian={})
     refused("key in domain = 'uper'", "did you mean 'upper'", domain__uper=1)
@@ -139,6 +148,8 @@ def test_what_else_does_not_fit():
     refused("'Ball' in 2", shapes__c={"type": "Sphere", "center": [0, 0], "radius": 1})
     refused("at most 'until'", run={"until": 1, "every": 2})
     refused("memory", phases__1__spacing=1e-12)
+    refused("memory", phases__2__spacing=1e-30)
+    refused("1e+09 frames", run__every=5e-324)
     refused("finite wherever", phases__1__velocity=["= speed / (y / height - y / height)", 0])
     refused("axis of MeanVelocity", boundaries=[{"type": "MeanVelocity", "velocity": 1, "axis": 1}])
     refused("name", name="../../elsewhere")

@@ -64,9 +64,7 @@ class SpongeTable(Table):
         scope.axis("axis", self.axis)
         scope.known_species("Sponge", self.species)
         targets = {n: scope.profile(f"species.{n}", v, "mol/m^3") for n, v in self.species.items()}
-        velocity = scope.velocity("velocity", self.velocity)
-        if velocity is not None and not callable(velocity):
-            velocity = scope.velocity("velocity", [f"= {v!r} + 0 * x" for v in velocity])
+        velocity = scope.velocity("velocity", self.velocity, function=True)
         parts = self.given("velocity", "species")
         return Sponge(velocity=velocity, species=targets, **parts)
 

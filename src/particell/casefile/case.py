@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from particell.casefile import results
 from particell.casefile.boundaries import BoundaryTable, ForceTable
-from particell.casefile.checks import check_overlap, check_sound
+from particell.casefile.checks import check_overlap, check_sound, check_steps
 from particell.casefile.chemistry import InitialTable, ReactionTable, SpeciesTable
 from particell.casefile.constants import Constants
 from particell.casefile.domain import DomainTable, FluidTable
@@ -130,6 +130,10 @@ class FileCase(Case):
 
     def scope(self) -> Scope:
         """Constants, domain, materials and shapes, to which everything else refers."""
+        with np.errstate(all="ignore"):
+            return self._scope()
+
+    def _scope(self) -> Scope:
         with within("domain"):
             scope = Scope(Constants(self.constants), self.domain.build())
         for name, material in self.materials.items():
@@ -162,8 +166,12 @@ class FileCase(Case):
 
     def build(self, context: Context) -> Simulation:
         """See :class:`~particell.cases.base.Case`."""
-        with np.errstate(all="ignore"):
-            return self._build(context)
+        try:
+            with np.errstate(all="ignore"):
+                return self._build(context)
+        except ArithmeticError as error:
+            allowed = f"one of numbers that can be computed with ({error})"
+            raise InputError("case file", self.name, allowed) from None
 
     def _build(self, context: Context) -> Simulation:
         scope = self.scope()
@@ -203,6 +211,7 @@ class FileCase(Case):
         for k, initial in enumerate(self.initial):
             with within(place_of("initial", k)):
                 initial.apply(scope, simulation)
+        check_steps(simulation, self.until, self.every)
         if self.stop is not None:
             known("observable in stop", self.stop.observable, simulation.observables())
         return simulation
@@ -224,6 +233,8 @@ class FileCase(Case):
         for k in map(int, resolve_all("phases", needs)):
             with within(place_of("phases", k, self.phases[k].name)):
                 made[k] = self.phases[k].build(scope)
+                if not all(len(phase.points) for phase in made[k]):
+                    raise InputError("number of particles", 0, "at least one particle")
                 scope.phases |= {phase.name: phase for phase in made[k]}
         phases = [phase for k in range(len(self.phases)) for phase in made[k]]
         check_overlap(scope.domain, phases)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -11,8 +12,11 @@ from particell.boundaries.sponge import Sponge
 from particell.errors import InputError
 from particell.geometry.domain import Domain
 from particell.phases import Phase
+from particell.simulation import Simulation
 from particell.speeds import Scheme
 
+#: More steps than anybody waits for.
+MOST_STEPS = 1e12
 #: Particles nearer to each other than this part of their spacing overlap.
 TOO_NEAR = 0.2
 
@@ -25,8 +29,6 @@ def check_overlap(domain: Domain, phases: Sequence[Phase]) -> None:
     InputError
         Naming the phases and a place where they overlap.
     """
-    if not sum(len(p.points) for p in phases):
-        raise InputError("phases", [p.name for p in phases], "with at least one particle")
     points = np.concatenate([p.points for p in phases])
     phase = np.repeat(np.arange(len(phases)), [len(p.points) for p in phases])
     spacing = np.array([p.particle_spacing for p in phases])
@@ -74,3 +76,27 @@ def check_sound(
                 for target in (boundary.velocity, *boundary.species.values()):
                     if callable(target):
                         target(p.points)  # refuses what is not finite
+
+
+def check_steps(simulation: Simulation, until: float, every: float) -> None:
+    """Refuse steps that no run gets to the end with, and numbers of molecules beyond counting.
+
+    Raises
+    ------
+    InputError
+        Naming the step or the number.
+    """
+    particles, dt = simulation.particles, simulation.dt
+    if "count" in particles and (counts := particles.host("count")).size and counts.min() < 0:
+        raise InputError("initial number of molecules", "too large", "at most 2^63 a particle")
+    if not (math.isfinite(dt) and dt > 0 and until / dt <= MOST_STEPS):
+        raise InputError("dt", dt, f"at least {until / MOST_STEPS:.3g} s, for a run of {until:g} s")
+    chosen = simulation.dt, simulation.chemistry_every
+    try:
+        simulation.plan(every)
+    except (ArithmeticError, ValueError):
+        allowed = "more alike: steps of the flow and of the chemistry do not fit together"
+        raise InputError(
+            "time scales", f"dt = {dt:.3g} s, frames of {every:.3g} s", allowed
+        ) from None
+    simulation.dt, simulation.chemistry_every = chosen

@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from particell.casefile.formula import is_formula
 from particell.casefile.ratelaw import law_of
-from particell.casefile.scope import Scope, known
+from particell.casefile.scope import Scope
 from particell.casefile.table import ByGroup, Name, Profile, Table, describes
 from particell.chemistry.reactions import Reaction, parse_reaction
 from particell.chemistry.species import Species
@@ -122,8 +122,8 @@ class InitialTable(Table):
             raise InputError("concentration, count", given, "given one of them")
         if self.count is not None and not is_formula(self.count):
             count = float(self.count)
-            if count != round(count) or count < 0:
-                raise InputError(f"count of {self.species}", count, "a whole number >= 0")
+            if count != round(count) or not 0 <= count < 2**53:
+                raise InputError(f"count of {self.species}", count, "a whole number, 0 to 2^53")
         return self
 
     def apply(self, scope: Scope, simulation: Simulation) -> None:
@@ -134,7 +134,7 @@ class InitialTable(Table):
         assert chemistry is not None
         if self.count is not None:
             values = scope.profile("count", self.count, "")
-            chemistry.set_count(known("species", self.species, scope.species), values, self.group)
+            chemistry.set_count(self.species, values, self.group)
         else:
             values = scope.profile("concentration", self.concentration, "mol/m^3")
             chemistry.set_concentration(self.species, values, self.group)

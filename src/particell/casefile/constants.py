@@ -86,7 +86,7 @@ class Constants:
                 for k, v in value.items()
             }
         if isinstance(value, list | tuple):
-            return [self.replace(v, key) for v in value]
+            return [self.replace(v, f"{key} #{k + 1}") for k, v in enumerate(value)]
         if is_formula(value):
             formula = Formula(key, value)
             formula.require({*self.values, *AXES})

@@ -161,12 +161,13 @@ def points_of(scope: Scope, names: Iterable[str]) -> np.ndarray | None:
 
 
 def wall_sites(scope: Scope, spacing: float, layers: int, axis: int | None) -> float:
-    """Particles of the walls across one axis, or on all sides: about, and at most."""
+    """Particles of the walls across one axis, or on all sides."""
     numbers = scope.domain.lengths / fitting_spacing(scope.domain, spacing)
-    beyond = numbers + 2 * layers if axis is None else numbers.copy()
     if axis is not None:
-        beyond[axis] += 2 * layers
-    return math.prod(beyond) - math.prod(numbers)
+        return 2 * layers * math.prod(np.delete(numbers, axis))
+    # the walls across an axis go on beyond the domain along those before it
+    beyond = [np.append(numbers[:d] + 2 * layers, numbers[d + 1 :]) for d in range(scope.dim)]
+    return sum(2 * layers * math.prod(others) for others in beyond)
 
 
 FillTable = Annotated[

@@ -191,7 +191,8 @@ class Formula:
             Where numbers have no such result.
         """
         try:
-            found = self._value(self.tree, values)
+            with np.errstate(all="ignore"):
+                found = self._value(self.tree, values)
         except (ArithmeticError, ValueError, TypeError) as error:
             raise self._without_result(error) from None
         if isinstance(found, complex):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any, get_args
 
@@ -9,6 +10,7 @@ from pydantic import ValidationError
 
 from particell.errors import InputError, unknown_name
 
+_PYDANTIC = re.compile(r"^(?:\w+ should (?:be |have )?)")
 _TABLES = ("dict_type", "model_type", "model_attributes_type", "mapping_type")
 
 
@@ -37,7 +39,7 @@ def input_error(
         return InputError(place, shown(first["input"]), "a table")
     if kind in ("list_type", "tuple_type"):
         return InputError(place, shown(first["input"]), "a list")
-    allowed = str(cause) if cause else first["msg"].removeprefix("Input should be ")
+    allowed = str(cause) if cause else _PYDANTIC.sub("", first["msg"])
     return InputError(place, shown(first["input"]), allowed)
 
 

@@ -12,6 +12,8 @@ from particell.observers import SteadyState
 from particell.simulation import Simulation
 from particell.units import Number, Time
 
+#: More frames than any disk holds.
+MOST_FRAMES = 1e9
 _Duration = Annotated[Time, Field(gt=0)]
 
 
@@ -38,6 +40,9 @@ class RunTable(Table):
             self.every = self.until / 10
         if self.every > self.until * (1 + 1e-9):
             raise InputError("every", self.every, f"at most 'until' = {self.until:g} s")
+        if self.every * MOST_FRAMES < self.until:
+            least = self.until / MOST_FRAMES
+            raise InputError("every", self.every, f"at least {least:g} s: {MOST_FRAMES:g} frames")
         return self
 
 

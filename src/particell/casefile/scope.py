@@ -24,8 +24,11 @@ Points = np.ndarray
 
 
 def memory() -> int:
-    """Memory of this machine in bytes."""
-    return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    """Memory of this machine in bytes; where the system does not say, as much as any has."""
+    try:
+        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    except (AttributeError, ValueError, OSError):
+        return 2**42
 
 
 def known(what: str, name: str, names: Collection[str]) -> str:
@@ -107,20 +110,22 @@ class Scope:
 
         def evaluate(points: Points) -> Points:
             places = dict(zip(AXES, points.T, strict=False))
-            with np.errstate(all="ignore"):
-                found = np.asarray(formula.value({**constants, **places}), dtype=float)
+            found = np.asarray(formula.value({**constants, **places}), dtype=float)
             if not np.all(np.isfinite(found)):
                 raise formula.error("a formula that is finite wherever it is needed")
             return np.array(np.broadcast_to(found, len(points)))
 
         return evaluate
 
-    def velocity(self, key: str, values: Collection[Any] | None) -> Any:
-        """None, D numbers, or a function of points that returns velocities (n, D) in m/s."""
+    def velocity(self, key: str, values: Collection[Any] | None, function: bool = False) -> Any:
+        """None, D numbers, or a function of points that returns velocities (n, D) in m/s.
+
+        With ``function`` no numbers.
+        """
         if values is None:
             return None
         parts = [self.profile(key, v, "m/s") for v in self.vector(key, values)]
-        if not any(callable(part) for part in parts):
+        if not function and not any(callable(part) for part in parts):
             return tuple(parts)
 
         def evaluate(points: Points) -> Points:

@@ -68,6 +68,8 @@ class NaturalConvection(Case):
         {"resolution": 81, "rayleigh": 1e5, "end": 40.0},
         # it swings: averaged over two periods of 13.4 L/v0
         {"resolution": 81, "rayleigh": 1e6, "end": 80.0, "averaging": 26.8},
+        {"resolution": 81, "rayleigh": 1e4, "driven_by": "molecules"},
+        {"resolution": 81, "rayleigh": 1e5, "end": 40.0, "driven_by": "molecules"},
         *(
             {"scheme": "transport-velocity", "resolution": 200, "every_star": 0.5, **more}
             for more in (

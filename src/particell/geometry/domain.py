@@ -47,7 +47,7 @@ class Domain:
         if not (np.all(np.isfinite(self.lower)) and np.all(np.isfinite(self.upper))):
             raise InputError("lower, upper", (lower, upper), "finite")
         if np.any(self.upper <= self.lower):
-            raise InputError("upper", upper, f"greater than 'lower' = {list(self.lower)}")
+            raise InputError("upper", upper, f"greater than 'lower' = {self.lower.tolist()}")
         axes = AXES[: self.dim]
         if any(axis not in axes for axis in periodic):
             raise InputError("periodic", periodic, f"some of the letters '{axes}'")

@@ -165,7 +165,7 @@ class Box(Shape):
     def __init__(self, lower: Sequence[float], upper: Sequence[float]):
         self.lower, self.upper = np.array(lower, dtype=float), np.array(upper, dtype=float)
         if np.any(self.upper <= self.lower):
-            raise InputError("upper", upper, f"greater than 'lower' = {list(lower)}")
+            raise InputError("upper", upper, f"greater than 'lower' = {self.lower.tolist()}")
 
     def signed_distance(self, points: np.ndarray) -> np.ndarray:
         beyond = np.maximum(self.lower - points, points - self.upper)

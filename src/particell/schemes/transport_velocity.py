@@ -96,7 +96,7 @@ class TransportVelocity:
     gravity: tuple[float, ...] | None = None
     reference_speed: float = 0.0
     pressure_drop: float = 0.0
-    skin: float = 0.1
+    skin: float = 0.15
 
     # what it has in common with SDPD, whose loops it uses
     density: ClassVar[str] = "continuity"

@@ -95,6 +95,10 @@ def _packed(fixed: list[str]) -> dict:
 
 def test_units():
     refused("phases #1.spacing = '3 kg'", "'kilogram'", phases__1__spacing="3 kg")
+    motion = {"type": "WallMotion", "group": "wall-upper"}
+    refused("angle", "in rad", boundaries=[{**motion, "angle": "= t"}])
+    refused("one of", boundaries=[{**motion, "angle": "= x / height"}])
+    refused("velocity", "one of", phases__1__velocity=["= speed * t / t", 0])
     refused("forward in reactions", "'meter'", "1/s", reactions__1__forward="3 m")
     refused("forward", "m^3/mol^1/s", reactions__1={"equation": "2 dye -> dye", "forward": "1 1/s"})
     refused("velocity", "another dimension", phases__1__velocity=["= y", 0])
@@ -122,6 +126,7 @@ def test_what_cannot_be_stepped():
     refused("dt = ", "at least", run={"until": 1e20})
     refused("dt", "at least", materials__water__sound_speed=1e100)
     refused("numbers that can be computed", materials__water__sound_speed=1e200)
+    refused("dt = ", "for the diffusion", species__1__diffusivity=1e-3)
     whole = [{"name": "dye", "molecules": True}, {"name": "dye_bound", "molecules": True}]
     many = [{"species": "dye", "concentration": 1e100}]
     refused("number of molecules", species=whole, initial=many)

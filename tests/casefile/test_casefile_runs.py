@@ -47,6 +47,7 @@ PAIRS = [
     (chemistry.ReactionTable, pc.Reaction, ("reactants", "products", "propensity")),
     (boundaries.ReflectionTable, pc.Reflection, ()),
     (boundaries.SpongeTable, pc.Sponge, ()),
+    (boundaries.WallMotionTable, pc.WallMotion, ()),
     (boundaries.MeanVelocityTable, pc.MeanVelocity, ()),
     (boundaries.ReservoirTable, pc.Reservoir, ()),
     (boundaries.FixedValueWallTable, pc.FixedValueWall, ()),
@@ -242,6 +243,23 @@ def test_molecules_walls_and_fills():
     assert np.linalg.norm(x - 5e-5, axis=1).min() > 2e-5
     counts = simulation.chemistry.count("A")[fluid]
     assert np.array_equal(counts, np.where(x[:, 0] < 50 * 1e-6, 4, 1))
+
+
+def test_walls_move():
+    """A wall that swings: its particles are where the formula of time says."""
+    swing = {"type": "WallMotion", "group": "wall-upper"}
+    swing |= {"displacement": ["= 1e-2 * height * sin(pulse * t)", 0]}
+    rates = {"type": "TransportVelocity", "reference_speed": "1 mm/s", "fixed_volume": True}
+    rest = {"species": [], "reactions": [], "initial": []}
+    file = case(boundaries=[swing], scheme=rates, constants__pulse="300 rad/s", **rest)
+    simulation = file.build(Context())
+    wall = simulation.particles.by_id("group") == simulation.group_names.index("wall-upper")
+    before = simulation.particles.by_id("x")[wall]
+    simulation.advance(20)
+    moved = simulation.particles.by_id("x")[wall] - before
+    height = file.domain.upper[1]
+    expected = 1e-2 * height * np.sin(300 * simulation.time)
+    assert np.allclose(moved[:, 0], expected, rtol=1e-9) and not moved[:, 1].any()
 
 
 def test_stop(tmp_path):

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import Field
 
 from particell.boundaries.mean_velocity import MeanVelocity
+from particell.boundaries.moving import WallMotion
 from particell.boundaries.reflection import Reflection
 from particell.boundaries.sponge import Sponge
 from particell.casefile.scope import Scope
-from particell.casefile.table import Axis, Name, Profile, Table, describes
+from particell.casefile.table import Axis, Name, Position, Profile, Table, describes
 from particell.chemistry.reservoirs import FixedValueWall, FluxWall, Reservoir
 from particell.errors import InputError
 from particell.geometry.shapes import Ball, HalfSpace
@@ -67,6 +69,45 @@ class SpongeTable(Table):
         velocity = scope.velocity("velocity", self.velocity, function=True)
         parts = self.given("velocity", "species")
         return Sponge(velocity=velocity, species=targets, **parts)
+
+
+@describes(WallMotion)
+class WallMotionTable(Table):
+    """The motion of a wall as a rigid body; at t = 0 it is where its phase says."""
+
+    type: Literal["WallMotion"]
+    """What it is."""
+    group: Name
+    velocity: Annotated[tuple[Velocity, ...], Field(min_length=1, max_length=3)] | None
+    angular_velocity: Annotated[float, Quantity("rad/s")]
+    centre: Position | None
+    axis: tuple[Number, Number, Number]
+    displacement: (
+        Annotated[tuple[Annotated[Any, Profile("m")], ...], Field(min_length=1, max_length=3)]
+        | None
+    )
+    """Displacement added to that by ``velocity``: a formula of the time t for each dimension."""
+    angle: Annotated[Any, Profile("rad")] | None
+    """Angle added to that by ``angular_velocity``: a formula of the time t."""
+
+    def build(self, scope: Scope) -> WallMotion:
+        """The motion."""
+        scope.known_group("WallMotion", self.group)
+        for name in ("velocity", "centre"):
+            if (given := getattr(self, name)) is not None:
+                scope.vector(name, given)
+        displacement, angle = None, None
+        if self.displacement is not None:
+            given = scope.vector("displacement", self.displacement)
+            parts = [scope.motion("displacement", v, "m") for v in given]
+
+            def displacement(time: float) -> np.ndarray:
+                return np.array([part(time) for part in parts])
+
+        if self.angle is not None:
+            angle = scope.motion("angle", self.angle, "rad")
+        others = self.given("displacement", "angle")
+        return WallMotion(displacement=displacement, angle=angle, **others)
 
 
 @describes(MeanVelocity)
@@ -155,6 +196,7 @@ class BuoyancyTable(Table):
 
 BoundaryTable = Annotated[
     ReflectionTable
+    | WallMotionTable
     | SpongeTable
     | MeanVelocityTable
     | ReservoirTable

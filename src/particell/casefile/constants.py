@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from particell.casefile.formula import AXES, BUILT_IN, RESERVED, Formula, is_formula
+from particell.casefile.formula import AXES, BUILT_IN, RESERVED, TIME, Formula, is_formula
 from particell.casefile.ordered import resolve_all
 from particell.errors import InputError
 from particell.units import quantity, registry
@@ -78,7 +78,7 @@ class Constants:
     def replace(self, value: Any, key: str = "") -> Any:
         """A file's value with all formulas of constants alone worked out, in tables and lists.
 
-        Formulas of the coordinates are left as they are.
+        Formulas of the coordinates and of time are left as they are.
         """
         if isinstance(value, Mapping):
             return {
@@ -89,8 +89,8 @@ class Constants:
             return [self.replace(v, f"{key} #{k + 1}") for k, v in enumerate(value)]
         if is_formula(value):
             formula = Formula(key, value)
-            formula.require({*self.values, *AXES})
-            if formula.names.isdisjoint(AXES):
+            formula.require({*self.values, *AXES, TIME})
+            if formula.names.isdisjoint((*AXES, TIME)):
                 return self.evaluate(formula)
         return value
 

@@ -47,7 +47,8 @@ _PLAIN = ("ceil", "floor", "round")
 #: Constants that are always there: value and unit.
 BUILT_IN = {"pi": (math.pi, ""), "avogadro": (AVOGADRO, "1/mol"), "boltzmann": (BOLTZMANN, "J/K")}
 AXES = ("x", "y", "z")
-RESERVED = (*FUNCTIONS, *BUILT_IN, *AXES, "t")
+TIME = "t"
+RESERVED = (*FUNCTIONS, *BUILT_IN, *AXES, TIME)
 
 _BINARY: dict[type[ast.AST], Callable[[Any, Any], Any]] = {
     ast.Add: operator.add,

@@ -84,6 +84,7 @@ class ParticlesPhase(_PhaseTable):
     spacing: _Spacing | None
     surface: Name | None
     """Name of the solid shape that a wall's particles fill; the fluid begins at its surface."""
+    slides: bool
 
     def needs(self) -> Iterable[str]:
         """See the base class."""
@@ -109,6 +110,7 @@ class ParticlesPhase(_PhaseTable):
                 scope.velocity("velocity", self.velocity),
                 self.spacing,
                 surface,
+                self.slides,
             )
         ]
 

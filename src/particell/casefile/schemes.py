@@ -12,7 +12,7 @@ from particell.casefile.table import Table, describes
 from particell.kernels import CODES
 from particell.schemes.sdpd import DENSITIES, INTEGRATORS, NOISES, SDPD
 from particell.schemes.static import Static
-from particell.schemes.transport_rates import FORMS
+from particell.schemes.transport_rates import FORMS, PRESSURE_FORCES
 from particell.schemes.transport_velocity import TransportVelocity
 from particell.units import Acceleration, Number, Pressure, Velocity
 
@@ -50,6 +50,7 @@ class SDPDTable(_MovingTable):
     noise: Annotated[str, _choice(NOISES)]
     density_diffusion: Number | None
     shifting: Number
+    impenetrable: bool
     skin: Number | None
 
     def build(self, scope: Scope) -> SDPD:
@@ -65,10 +66,14 @@ class TransportVelocityTable(_MovingTable):
     """What it is."""
     background: Number
     momentum_flux: Annotated[str, _choice(FORMS)]
+    pressure_force: Annotated[str, _choice(PRESSURE_FORCES)]
+    fixed_volume: bool
     renormalise: bool
     pressure_switch: bool
     filter_every: Annotated[int, Field(ge=0)]
     impenetrable: bool
+    normalise_viscosity: bool
+    species_flux: bool
     skin: Number
 
     def build(self, scope: Scope) -> TransportVelocity:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from particell.casefile.constants import Constants
-from particell.casefile.formula import AXES, Formula, is_formula
+from particell.casefile.formula import AXES, TIME, Formula, is_formula
 from particell.errors import InputError, unknown_name
 from particell.geometry.domain import Domain
 from particell.geometry.shapes import Shape
@@ -57,7 +57,7 @@ class Scope:
         self.species: tuple[str, ...] = ()
         units: Any = registry()
         middle = 0.5 * (domain.lower + domain.upper)
-        self._quantities = dict(constants.quantities)
+        self._quantities = {**constants.quantities, TIME: units.Quantity(1.0, "s")}
         for axis, place in zip(AXES, middle, strict=False):
             self._quantities[axis] = units.Quantity(np.array([place]), "m")
 
@@ -115,6 +115,23 @@ class Scope:
                 raise formula.error("a formula that is finite wherever it is needed")
             return np.array(np.broadcast_to(found, len(points)))
 
+        return evaluate
+
+    def motion(self, key: str, value: Any, unit: str) -> Callable[[float], float]:
+        """The function of time in s that a number or a formula of t describes."""
+        formula = Formula(key, value if is_formula(value) else f"= {float(value)!r}")
+        formula.require({*self.constants.values, TIME})
+        if is_formula(value):
+            formula.check_unit(self._quantities, unit)
+        constants = self.constants.values
+
+        def evaluate(time: float) -> float:
+            found = float(formula.value({**constants, TIME: time}))
+            if not np.isfinite(found):
+                raise formula.error("a formula that is finite at all times")
+            return found
+
+        evaluate(0.0)
         return evaluate
 
     def velocity(self, key: str, values: Collection[Any] | None, function: bool = False) -> Any:

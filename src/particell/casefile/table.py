@@ -142,7 +142,7 @@ class _Converted:
 
 
 class Profile(_Converted):
-    """A number with a unit that may be a formula of the coordinates x, y, z."""
+    """A number with a unit that may be a formula of x, y, z, or of t where it says so."""
 
     def convert(self, value: Any) -> Any:
         """The number in SI units, or the formula as it is."""

@@ -6,6 +6,7 @@ import pytest
 from particell.boundaries.reflection import Reflection
 from particell.boundaries.sponge import Sponge
 from particell.chemistry.reactions import Reaction
+from particell.chemistry.species import Species
 from particell.compute.threads import set_threads
 from particell.errors import InputError, RunError
 from particell.geometry.domain import Domain
@@ -196,3 +197,28 @@ def test_walls_continue_the_lattice():
     assert (lower.surface.signed_distance(lower.points) < 0).all()
     assert (upper.surface.signed_distance(upper.points) < 0).all()
     assert lower.kind == "wall" and lower.name == "wall-lower"
+
+
+def test_fast_diffusion_limits_the_step_of_a_flow():
+    """0.05 h²/κ of explicit diffusion: automatic steps keep to it, others are refused."""
+    domain = Domain((0, 0), (10, 10), periodic="xy", depth=1.0)
+    fast = [Species("A", diffusivity=50.0)]
+
+    def simulation(dt):
+        return Simulation(domain, fluid(domain, unit_fluid(), 1.0), SDPD(), fast, dt=dt)
+
+    automatic = simulation("auto")
+    limit = automatic.chemistry.limits()["diffusion of concentrations"]
+    automatic.plan(1.0)
+    assert automatic.dt <= limit
+    with pytest.raises(InputError, match="diffusion"):
+        simulation(2 * limit).plan(1.0)
+
+
+def test_frames_closer_than_a_step_of_the_species():
+    domain = Domain((0, 0), (10, 10), periodic="xy", depth=1.0)
+    slow = [Species("A", diffusivity=1e-6)]
+    simulation = Simulation(domain, fluid(domain, unit_fluid(), 1.0), SDPD(), slow)
+    largest = simulation.largest_step()
+    assert simulation.plan(1.5 * largest) == 2
+    assert simulation.dt == pytest.approx(0.75 * largest)

@@ -197,7 +197,12 @@ class Simulation:
             ).smallest
             for m in self.materials
         ]
-        return min(steps)
+        return min(*steps, self._diffusive_limit())
+
+    def _diffusive_limit(self) -> float:
+        """Largest step in s of the diffusion of concentrations, which is explicit."""
+        limits = self.chemistry.limits() if self.chemistry else {}
+        return limits.get("diffusion of concentrations", math.inf)
 
     def plan(self, every: float) -> int:
         """Choose dt and the chemistry's step so that ``every`` is a whole number of both.
@@ -210,6 +215,9 @@ class Simulation:
         if not (every > 0 and math.isfinite(every)):
             raise InputError("every", every, "positive")
         largest = self.largest_step() if self.automatic else self.dt
+        if largest > self._diffusive_limit() * (1 + 1e-9):
+            allowed = f"at most {self._diffusive_limit():.3g} s (diffusion of concentrations)"
+            raise InputError("dt", self.dt, allowed)
         block = 1
         if self.chemistry and not self.static:
             limits = [*self.chemistry.limits().values()]
@@ -217,6 +225,8 @@ class Simulation:
                 h = float(self.particles.host("support").min())
                 limits.append(CHEMISTRY_MOTION * h / self._speed)
             block = max(1, int(min(limits, default=largest) / largest))
+        # frames may be closer than a step of the species could be long
+        block = min(block, math.ceil(every / largest * (1 - 1e-12)))
         blocks = max(1, math.ceil(every / (block * largest) * (1 - 1e-12)))
         self.chemistry_every = block
         self.dt = every / (blocks * block)

@@ -126,7 +126,7 @@ def test_what_cannot_be_stepped():
     refused("dt = ", "at least", run={"until": 1e20})
     refused("dt", "at least", materials__water__sound_speed=1e100)
     refused("numbers that can be computed", materials__water__sound_speed=1e200)
-    refused("dt = ", "for the diffusion", species__1__diffusivity=1e-3)
+    refused("dt = ", "diffusion of concentrations", simulation={"dt": "1 s"})
     whole = [{"name": "dye", "molecules": True}, {"name": "dye_bound", "molecules": True}]
     many = [{"species": "dye", "concentration": 1e100}]
     refused("number of molecules", species=whole, initial=many)

@@ -36,7 +36,7 @@ import click
 from particell.cases.base import Case, Context
 from particell.cases.lid_driven_cavity import LidDrivenCavity
 from particell.cases.taylor_green import TaylorGreen
-from particell.compute.loop import set_threads
+from particell.compute.threads import set_threads
 
 SUPPORT, REYNOLDS = 2.6, 100.0
 #: Steps before the first block (the lattice has broken up by then), of a block, and blocks.

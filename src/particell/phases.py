@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -155,22 +155,62 @@ def channel_walls(
 
 
 def box_walls(
-    domain: Domain, material: Fluid, spacing: float, layers: int = 3, name: str = "wall"
+    domain: Domain,
+    material: Fluid,
+    spacing: float,
+    layers: int = 3,
+    name: str = "wall",
+    sliding: Mapping[str, Velocity] | None = None,
 ) -> list[Phase]:
     """The walls on all sides of a closed box, as layers of particles outside the domain.
 
-    They are named ``name-x-lower``, ``name-x-upper``, ``name-y-lower``, …; edges and corners belong
-    to the wall of the last axis there, and each wall is a plane. Parameters as for
-    :func:`channel_walls`.
+    They are named ``name-x-lower``, ``name-x-upper``, ``name-y-lower``, …, and each is a plane.
+    Edges and corners belong to the wall of the last axis there that does not slide: a lid that
+    went on beyond a corner would look to the fluid as if that could follow it out of the box.
+
+    Parameters
+    ----------
+    domain, material, spacing, layers
+        See :func:`channel_walls`.
+    name
+        What the walls' names begin with.
+    sliding
+        Velocities of walls whose surface slides along itself, by side: ``{"y-upper": (1.0, 0.0)}``.
+
+    Raises
+    ------
+    InputError
+        Where there is no such side.
     """
     steps = fitting_spacing(domain, spacing)
-    return [
-        _plane_wall(
-            domain, material, steps, layers, axis, side, f"{name}-{letter}-{side}", corners=axis
+    axes = range(domain.dim)
+    sides = [(axis, side) for axis in axes for side in ("lower", "upper")]
+    names = {f"{'xyz'[axis]}-{side}": (axis, side) for axis, side in sides}
+    velocities: dict[tuple[int, str], Velocity] = {}
+    for key, velocity in (sliding or {}).items():
+        if key not in names:
+            raise InputError("sliding", key, f"one of {', '.join(names)}")
+        velocities[names[key]] = velocity
+    walls = []
+    for key, (axis, side) in names.items():
+        own = (axis, side)
+        beyond = [  # where this wall has the edge with another
+            [axis != a and (own in velocities, -axis) < ((a, s) in velocities, -a) for a in axes]
+            for s in ("lower", "upper")
+        ]
+        wall = _plane_wall(
+            domain,
+            material,
+            steps,
+            layers,
+            axis,
+            side,
+            f"{name}-{key}",
+            velocities.get(own),
+            (np.array(beyond[0]), np.array(beyond[1])),
         )
-        for axis, letter in zip(range(domain.dim), "xyz", strict=False)
-        for side in ("lower", "upper")
-    ]
+        walls.append(replace(wall, slides=own in velocities))
+    return walls
 
 
 def _plane_wall(
@@ -182,14 +222,14 @@ def _plane_wall(
     side: str,
     name: str,
     velocity: Velocity = None,
-    corners: int = 0,
+    beyond: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> Phase:
-    """Layers outside one face that go on beyond the domain along the first ``corners`` axes."""
+    """Layers outside one face; they go on past other faces (lower, upper) where ``beyond``."""
     thickness = layers * steps
     lower, upper = domain.lower.copy(), domain.upper.copy()
-    beyond = np.arange(domain.dim) < corners
-    lower[beyond] -= thickness[beyond]
-    upper[beyond] += thickness[beyond]
+    if beyond is not None:
+        lower[beyond[0]] -= thickness[beyond[0]]
+        upper[beyond[1]] += thickness[beyond[1]]
     normal = np.zeros(domain.dim)
     if side == "lower":
         corner, normal[axis] = domain.lower, 1.0

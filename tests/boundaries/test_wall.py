@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from particell.boundaries.wall import CLOSEST, extrapolation, surface_distance
+from particell.errors import InputError
 from particell.geometry.domain import Domain
 from particell.phases import box_walls
 from systems import channel, fluid_rows, unit_fluid
@@ -116,11 +117,13 @@ def test_wall_pressure_continues_the_hydrostatic_one():
     assert pressure[near] == pytest.approx(1e-3 * (6 - height[near]), abs=6e-5 * 3e-3)
 
 
+@pytest.mark.parametrize("slides", [None, "x-lower", "y-upper"])
 @pytest.mark.parametrize("dim", [2, 3])
-def test_walls_of_a_closed_box_continue_the_lattice(dim):
+def test_walls_of_a_closed_box_continue_the_lattice(dim, slides):
     """Layers all around, corners included, each place once; normals into the box."""
     sides = (4, 5, 6)[:dim]
-    walls = box_walls(Domain((0,) * dim, sides), unit_fluid(), 1.0, layers=2)
+    sliding = {slides: (1.0,) * dim} if slides else None
+    walls = box_walls(Domain((0,) * dim, sides), unit_fluid(), 1.0, layers=2, sliding=sliding)
     assert len(walls) == 2 * dim
     points = np.concatenate([w.points for w in walls])
     outside = np.prod([s + 4 for s in sides]) - np.prod(sides)
@@ -130,3 +133,14 @@ def test_walls_of_a_closed_box_continue_the_lattice(dim):
         centre = np.full((1, dim), 2.0)
         assert wall.surface.signed_distance(wall.points).max() < 0
         assert wall.surface.signed_distance(centre)[0] > 0
+        assert wall.slides == (wall.name == f"wall-{slides}")
+        if wall.slides:  # and does not go on beyond the box
+            own = "xyz".index(slides[0])
+            along = np.delete(wall.points, own, axis=1)
+            assert np.all((along > 0) & (along < np.delete(np.array(sides), own)))
+            assert np.all(wall.velocities() == 1.0)
+
+
+def test_a_side_that_is_not_there_does_not_slide():
+    with pytest.raises(InputError, match="x-lower, x-upper, y-lower, y-upper"):
+        box_walls(Domain((0, 0), (4, 4)), unit_fluid(), 1.0, sliding={"z-upper": (1.0, 0.0)})

@@ -33,7 +33,7 @@ def test_ghia_and_finite_elements_agree():
 
 def test_lid_keeps_its_place_and_drives_the_flow(small):
     case, _, run = small
-    lid = run.group(LID)
+    lid = run.group(f"wall-{LID}")
     assert np.array_equal(run.field("position")[0][lid], run.field("position")[-1][lid])
     assert np.all(run.field("velocity")[-1][lid] == (case.speed, 0.0))
     u = results.mean_velocity(case, run, np.array([[0.5, 0.5], [0.5, 0.95]]))[:, 0]

@@ -156,6 +156,8 @@ class BoxWalls(_PhaseTable):
     """That of the fluid, whose lattice the walls continue."""
     layers: _Layers
     name: Name
+    sliding: dict[str, _Velocity] | None = None
+    """Velocities of walls whose surface slides along itself: ``{y-upper = ["1 m/s", 0]}``."""
 
     def names(self, dim: int) -> list[str]:
         """See the base class."""
@@ -167,8 +169,10 @@ class BoxWalls(_PhaseTable):
 
     def build(self, scope: Scope) -> list[Phase]:
         """The phases."""
-        parts = self.given("material")
-        return box_walls(scope.domain, scope.material(self.material), **parts)
+        parts = self.given("material", "sliding")
+        sliding = {k: scope.velocity(f"sliding.{k}", v) for k, v in (self.sliding or {}).items()}
+        material = scope.material(self.material)
+        return box_walls(scope.domain, material, sliding=sliding, **parts)
 
 
 PhaseTable = Annotated[

@@ -15,7 +15,6 @@ which Ghia's table is up to 0.009 away at Re = 100, 0.019 at 1000 and 0.04 at 10
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -34,7 +33,7 @@ from particell.schemes.sdpd import SDPD
 from particell.schemes.transport_velocity import TransportVelocity
 from particell.simulation import Simulation
 
-LID = "wall-y-upper"
+LID = "y-upper"
 LAYERS = 3
 #: Largest relative change of the kinetic energy per L/U at which the flow counts as steady.
 STEADY = 1e-3
@@ -122,11 +121,8 @@ class LidDrivenCavity(Case):
             sound_speed=self.speed / self.mach,
             exponent=1.0,
         )
-        walls = box_walls(self.domain, material, self.spacing, layers=LAYERS)
-        walls = [
-            replace(w, velocity=(self.speed, 0.0), slides=True) if w.name == LID else w
-            for w in walls
-        ]
+        lid = {LID: (self.speed, 0.0)}
+        walls = box_walls(self.domain, material, self.spacing, layers=LAYERS, sliding=lid)
         return Simulation(
             self.domain,
             [fluid(self.domain, material, self.spacing), *walls],

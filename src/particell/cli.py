@@ -87,15 +87,13 @@ def run(
 
 
 @cli.command()
-@click.option(
-    "--out", type=click.Path(path_type=Path), default="case.toml", show_default=True, help="File."
-)
-def new(out: Path) -> int:
-    """Write a commented case file to start from."""
+@click.argument("file", type=click.Path(path_type=Path), default="case.toml")
+def new(file: Path) -> int:
+    """Write a commented case file to start from (default: case.toml)."""
     from particell.casefile.starting import write_starting_file
 
-    write_starting_file(out)
-    click.echo(f"{out}: look at it, then: particell check {out}; particell run {out}")
+    write_starting_file(file)
+    click.echo(f"{file}: look at it, then: particell check {file}; particell run {file}")
     return 0
 
 

@@ -120,7 +120,9 @@ class Simulation:
         self.depth_factor = self.depth ** (3 - dim)
         self.static = isinstance(scheme, Static)
         self._speed = initial_speed(self.phases, scheme, self.depth_factor, boundaries)
-        sound_speed = default_sound_speed(domain, self.phases, scheme, self._speed)
+        sound_speed = default_sound_speed(
+            domain, self.phases, scheme, self.depth_factor, boundaries
+        )
         self.materials, index = build_materials(self.phases, sound_speed)
         self.particles = build_particles(self.device, domain, self.phases, index, scheme.support)
         if scheme.density == "summation":

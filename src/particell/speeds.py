@@ -21,10 +21,8 @@ from particell.schemes.transport_velocity import TransportVelocity
 Scheme = SDPD | TransportVelocity | Static
 
 
-def initial_speed(
-    phases: Sequence[Phase], scheme: Scheme, depth_factor: float, boundaries: Sequence[Any] = ()
-) -> float:
-    """Largest initial or expected speed in m/s; with noise, the thermal one of a particle added.
+def flow_speed(phases: Sequence[Phase], scheme: Scheme, boundaries: Sequence[Any] = ()) -> float:
+    """Largest initial or expected speed in m/s, without that of noise.
 
     Of walls that move the constant part counts; give others as ``reference_speed``.
     """
@@ -36,10 +34,16 @@ def initial_speed(
         if isinstance(motion, WallMotion):
             points = [p.points for p in phases if p.name == motion.group]
             fastest = max([fastest, *(motion.constant_speed(x) for x in points)])
-    if not isinstance(scheme, Static):
-        fastest = max(fastest, scheme.reference_speed)
-        if scheme.fluctuations:
-            fastest += thermal_speed(phases, depth_factor)
+    return fastest if isinstance(scheme, Static) else max(fastest, scheme.reference_speed)
+
+
+def initial_speed(
+    phases: Sequence[Phase], scheme: Scheme, depth_factor: float, boundaries: Sequence[Any] = ()
+) -> float:
+    """:func:`flow_speed`, with noise and that of a particle's thermal motion, in m/s."""
+    fastest = flow_speed(phases, scheme, boundaries)
+    if not isinstance(scheme, Static) and scheme.fluctuations:
+        fastest += thermal_speed(phases, depth_factor)
     return fastest
 
 
@@ -58,9 +62,15 @@ def _smallest_mass(phase: Phase, depth_factor: float) -> float:
 
 
 def default_sound_speed(
-    domain: Domain, phases: Sequence[Phase], scheme: Scheme, speed: float
+    domain: Domain,
+    phases: Sequence[Phase],
+    scheme: Scheme,
+    depth_factor: float,
+    boundaries: Sequence[Any] = (),
 ) -> float | None:
     """The sound speed by rule in m/s; None where every material has one of its own.
+
+    Friction is that of the flow alone: nothing drives thermal motion against its own.
 
     Raises
     ------
@@ -74,4 +84,8 @@ def default_sound_speed(
     gravity = np.abs(scheme.gravity or np.zeros(domain.dim))
     density = min(p.material.density for p in phases)
     head = float(np.max(gravity * domain.lengths))
-    return sound_speed_by_rule(speed, scheme.pressure_drop, density, head)
+    speed = initial_speed(phases, scheme, depth_factor, boundaries)
+    viscosity = max(p.material.viscosity / p.material.density for p in phases)
+    support = scheme.support * min(p.particle_spacing for p in phases)
+    friction = viscosity * flow_speed(phases, scheme, boundaries) / support
+    return sound_speed_by_rule(speed, scheme.pressure_drop, density, head, friction)

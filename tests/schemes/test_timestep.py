@@ -27,6 +27,7 @@ def test_sound_speed():
     assert sound_speed_by_rule(2.0, 0.0, 1000.0, 0.0) == pytest.approx(20)
     assert sound_speed_by_rule(0.0, 90.0, 10.0, 0.0) == pytest.approx(30)
     assert sound_speed_by_rule(1.0, 1.0, 10.0, 16.0) == pytest.approx(40)
+    assert sound_speed_by_rule(1.0, 1.0, 10.0, 16.0, 25.0) == pytest.approx(50)
     for nothing in ((0.0, 0.0, 1.0, 0.0), (math.nan, 0.0, 1.0, 0.0)):
         with pytest.raises(InputError, match="sound_speed"):
             sound_speed_by_rule(*nothing)

@@ -62,7 +62,7 @@ def report(case: Case, timing: bool = True, threads: int | None = None) -> Itera
     yield f"steps:     {steps} to {case.until:.3g} s, a frame every {case.every:.3g} s"
     yield f"memory:    at most {_bytes(len(groups) * BYTES_A_PARTICLE)}"
     if timing:
-        yield f"time:      about {_duration(steps * seconds_a_step(simulation))}"
+        yield f"time:      about {_duration(steps * seconds_a_step(simulation, steps))}"
 
 
 def limit(simulation: Simulation) -> str:
@@ -92,13 +92,13 @@ def _limits(simulation: Simulation) -> dict[str, float]:
     return limits
 
 
-def seconds_a_step(simulation: Simulation) -> float:
-    """Mean time of a step, compilation left out; the simulation is of no use afterwards."""
+def seconds_a_step(simulation: Simulation, most: int) -> float:
+    """Mean time of up to ``most`` steps, without compilation; then the simulation is spent."""
     block, chemistry = simulation.chemistry_every, simulation.chemistry
     simulation.chemistry_every = sys.maxsize  # flow alone
     simulation.advance()  # compiles
     begin, done = clock.perf_counter(), 0
-    while done == 0 or clock.perf_counter() - begin < TIMED:
+    while done == 0 or (done < most and clock.perf_counter() - begin < TIMED):
         simulation.advance()
         done += 1
     flow = (clock.perf_counter() - begin) / done

@@ -66,9 +66,13 @@ def step_limits(
 
 
 def sound_speed_by_rule(
-    speed: float, driving_pressure: float, density: float, head: float
+    speed: float, driving_pressure: float, density: float, head: float, friction: float = 0.0
 ) -> float:
-    """c₀ with c₀² = 100 max(U², Δp/ρ, |g|L): density changes by about 1 %.
+    """c₀ with c₀² = 100 max(U², Δp/ρ, |g|L, νU/h): density changes by about 1 %.
+
+    The last is the largest viscous stress that particles can carry, that over one support: in
+    corners and beside bodies pressure and shear become as large as that. It counts where Uh/ν < 1,
+    and below 1/4 makes no step shorter, since there viscosity limits it.
 
     Parameters
     ----------
@@ -80,13 +84,15 @@ def sound_speed_by_rule(
         ρ in kg/m³.
     head
         |g|L in m²/s².
+    friction
+        νU/h in m²/s², with h the support.
 
     Raises
     ------
     InputError
         Where all are zero.
     """
-    square = 100 * max(speed**2, driving_pressure / density, head)
+    square = 100 * max(speed**2, driving_pressure / density, head, friction)
     if not (square > 0 and np.isfinite(square)):
         raise InputError(
             "sound_speed",

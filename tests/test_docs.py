@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+import importlib.util
+import re
+import sys
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
 from sybil import Sybil
 from sybil.parsers.markdown import PythonCodeBlockParser, SkipParser
 
+from particell.cases.execution import execute
+from particell.compute.device import Device
+from particell.geometry.shapes import Box
+
 DOCS = Path(__file__).parent.parent / "docs"
 PAGES = [
+    DOCS / "first-run.md",
     *sorted((DOCS / "guide").glob("*.md")),
     DOCS / "howto/species.md",
     DOCS / "howto/paraview.md",
@@ -33,6 +42,40 @@ def run_page(page: Path) -> dict:
 def test_python_of_a_page(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     run_page(page)
+
+
+def file_on_page(page: str, name: str, directory: Path) -> ModuleType:
+    """The module that a how-to page prints as the file src/particell/NAME."""
+    text = (DOCS / page).read_text(encoding="utf-8")
+    code = re.search(rf"```python\n# src/particell/{name}\n(.*?)```", text, re.DOTALL).group(1)
+    path = directory / Path(name).name
+    path.write_text(code, encoding="utf-8")
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    module = sys.modules[path.stem] = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_how_to_add_a_case(tmp_path):
+    page = file_on_page("howto/case.md", "cases/sliding_plate.py", tmp_path)
+    case = page.SlidingPlate(resolution=10, speed="2 mm/s")
+    assert execute(case, tmp_path / "out", threads=1, progress=False) == 0
+    assert (tmp_path / "out/profile.png").stat().st_size > 0
+
+
+def test_how_to_add_a_law(tmp_path):
+    page = file_on_page("howto/law.md", "laws/cohesion.py", tmp_path)
+    for r, force in ((1.0, 0.0), (2.0, -1.0), (3.1, 0.0)):
+        assert page.cohesion_force(1.0, 1.0, 1.0, r, 1 / 3, 1 / r) * r == pytest.approx(force)
+
+
+def test_how_to_add_a_boundary(tmp_path):
+    page = file_on_page("howto/boundary.md", "boundaries/porous.py", tmp_path)
+    porous = page.Porous(Box((0, 0), (1, 1)), time=1.0)
+    inside = porous.mask(np.array([[0.5, 0.5], [2.0, 0.5]]))
+    v, walls = np.ones((2, 2)), np.zeros(2, np.uint8)
+    Device().bind(page.resist, {"v": v, "is_wall": walls, "inside": inside}, DIM=2)(2, 0.5)
+    assert v.tolist() == [[0.5, 0.5], [1.0, 1.0]]
 
 
 @pytest.mark.filterwarnings("ignore")

@@ -13,10 +13,13 @@ import numpy as np
 
 from particell.compute.device import Device
 from particell.errors import unknown_name
+from particell.representation import block, span, table
 
 # Kinds of group: what the particles do in the equations of motion.
 FLUID, WALL = 0, 1
 KINDS = {"fluid": FLUID, "wall": WALL}
+# Units of the fields that a reader knows; a mass is per m of each dimension that is missing.
+UNITS = {"x": "m", "v": "m/s", "a": "m/s²", "density": "kg/m³", "pressure": "Pa", "support": "m"}
 
 
 @dataclass(frozen=True)
@@ -102,6 +105,20 @@ class Particles:
         sizes = np.bincount(self.host("group"), minlength=len(self.groups))
         parts = ", ".join(f"{g.name}: {k}" for g, k in zip(self.groups, sizes, strict=True))
         return f"Particles({self.n} in {self.dim}D; {parts})"
+
+    def _repr_html_(self) -> str:
+        sizes = np.bincount(self.host("group"), minlength=len(self.groups))
+        groups = [(g.name, g.kind, k) for g, k in zip(self.groups, sizes, strict=True)]
+        mass = {3: "kg", 2: "kg/m", 1: "kg/m²"}[self.dim]
+        units = {**UNITS, "mass": mass}
+        rows = [(name, unit, span(self.host(name))) for name, unit in units.items()]
+        others = [name for name in self.fields if name not in units]
+        return block(
+            f"{self.n} particles in {self.dim}D",
+            table(groups, ("group", "kind", "particles")),
+            table(rows, ("field", "unit", "least … greatest, of each component")),
+            table([("further fields", others)]),
+        )
 
     def host(self, name: str) -> np.ndarray:
         """A field as a NumPy array, in memory order."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,11 +13,12 @@ from particell.geometry.fill import fitting_spacing, lattice
 from particell.geometry.shapes import HalfSpace, Shape
 from particell.materials import Fluid
 from particell.particles import KINDS
+from particell.representation import block, table
 
 Velocity = Callable[[np.ndarray], np.ndarray] | np.ndarray | tuple[float, ...] | None
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Phase:
     """Particles of one material and one role.
 
@@ -76,6 +77,15 @@ class Phase:
         object.__setattr__(self, "points", points)
         object.__setattr__(self, "volume", volume)
 
+    def __repr__(self) -> str:
+        return (
+            f"Phase({self.name!r}, {self.material!r}, {len(self.points)} points in {self.dim}D, "
+            f"kind={self.kind!r}, spacing={self.particle_spacing:.4g} m)"
+        )
+
+    def _repr_html_(self) -> str:
+        return block(f"Phase {self.name}", phase_table([self]))
+
     @property
     def dim(self) -> int:
         """Number of dimensions."""
@@ -94,6 +104,24 @@ class Phase:
             return np.zeros_like(self.points)
         value = self.velocity(self.points) if callable(self.velocity) else self.velocity
         return np.array(np.broadcast_to(np.asarray(value, dtype=float), self.points.shape))
+
+
+def phase_table(phases: Iterable[Phase]) -> str:
+    """Name, kind, number of particles and material of each phase, as an HTML table."""
+    rows = [
+        (
+            p.name,
+            "sliding wall" if p.slides else p.kind,
+            len(p.points),
+            p.particle_spacing,
+            p.material.density,
+            p.material.viscosity,
+            p.material.temperature,
+        )
+        for p in phases
+    ]
+    columns = ("spacing [m]", "density [kg/m³]", "viscosity [Pa s]", "temperature [K]")
+    return table(rows, ("phase", "kind", "particles", *columns))
 
 
 def fluid(

@@ -396,7 +396,7 @@ class Simulation:
         restore(self, state)
 
     def __repr__(self) -> str:
-        return (
-            f"Simulation({self.scheme!r}, {self.particles!r}, step={self.step}, "
-            f"t={self.time:.6g} s, dt={self.dt:.3g} s)"
-        )
+        return snapshot.text_of(self)
+
+    def _repr_html_(self) -> str:
+        return snapshot.html_of(self)

@@ -7,6 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from particell.chemistry.invariants import conserved_totals
+from particell.chemistry.listing import reaction_table, species_table
+from particell.phases import phase_table
+from particell.representation import block, table
 
 if TYPE_CHECKING:
     from particell.simulation import Simulation
@@ -122,3 +125,32 @@ def settings_of(simulation: Simulation) -> dict[str, Any]:
         "depth": simulation.depth,
         "mass": "lattice sum" if scheme.density == "summation" else "density * volume",
     }
+
+
+def text_of(simulation: Simulation) -> str:
+    """The simulation in one line."""
+    s = simulation
+    carried = f", {s.chemistry}" if s.chemistry else ""
+    return (
+        f"Simulation({s.scheme!r}, {s.particles!r}{carried}, step={s.step}, t={s.time:.6g} s, "
+        f"dt={s.dt:.3g} s)"
+    )
+
+
+def html_of(simulation: Simulation) -> str:
+    """The simulation as tables, for notebooks."""
+    s, chemistry = simulation, simulation.chemistry
+    rows = [
+        ("time", f"{s.time:.6g} s after {s.step} steps of {s.dt:.3g} s"),
+        ("scheme", repr(s.scheme)),
+        ("box", f"{s.domain!r} in m"),
+        ("seed", s.seed),
+        ("computes on", f"{s.device.backend} in {s.device.real}"),
+    ]
+    return block(
+        f"Simulation of {len(s.particles)} particles in {s.domain.dim}D",
+        table(rows),
+        phase_table(s.phases),
+        species_table(chemistry.species.values()) if chemistry else "",
+        reaction_table(chemistry.reactions) if chemistry else "",
+    )

@@ -15,6 +15,7 @@ from __future__ import annotations
 import functools
 import math
 import re
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -209,3 +210,45 @@ def field_unit(name: str) -> str:
     if name.startswith("concentration/"):
         return "mol/m^3"
     return FIELD_UNITS.get(name, "")
+
+
+#: Units of recorded scalars, by how their names begin.
+OBSERVABLE_UNITS = {"kinetic_energy": "J", "momentum_": "kg*m/s", "largest_speed": "m/s"}
+
+
+def observable_unit(name: str, fields: Collection[str]) -> str:
+    """Unit of a recorded scalar by its name; empty for what is unknown.
+
+    Parameters
+    ----------
+    name
+        ``"kinetic_energy"``, ``"amount_L"``, …
+    fields
+        The fields of the run: a species with a field ``count/NAME`` is counted in molecules.
+    """
+    kind, _, species = name.partition("_")
+    if kind in ("amount", "inflow"):
+        return "molecules" if f"count/{species}" in fields else "mol"
+    return next((unit for start, unit in OBSERVABLE_UNITS.items() if name.startswith(start)), "")
+
+
+# Units in which lengths and times read well.
+_LENGTHS = ((1.0, "m"), (1e-3, "mm"), (1e-6, "µm"), (1e-9, "nm"))
+_TIMES = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"), (1e-9, "ns"), (1e-12, "ps"))
+
+
+def length_scale(extent: float) -> tuple[float, str]:
+    """Factor and name of the unit in which a length in m reads well: (1e-6, "µm")."""
+    return _readable(extent, _LENGTHS)
+
+
+def time_scale(extent: float) -> tuple[float, str]:
+    """Factor and name of the unit in which a time in s reads well."""
+    return _readable(extent, _TIMES)
+
+
+def _readable(extent: float, units: Sequence[tuple[float, str]]) -> tuple[float, str]:
+    for factor, name in units:
+        if abs(extent) >= factor * 0.999:
+            return factor, name
+    return units[-1] if extent else units[0]

@@ -97,7 +97,6 @@ def test_plot(run, tmp_path):
     assert (tmp_path / "a.png").stat().st_size > 1000
     (scale,) = figure.axes[0].child_axes
     assert scale.get_ylabel() == "velocity y [m/s]"
-    run.plot("concentration/L", frame=0, groups=["fluid"], style="tripcolor")
     run.field("density").plot()
 
 

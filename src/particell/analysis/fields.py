@@ -46,6 +46,37 @@ def grid(domain: Domain, shape: int | Sequence[int]) -> np.ndarray:
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
 
 
+def plane(
+    domain: Domain, shape: int | Sequence[int], normal: int | None, at: float | None = None
+) -> np.ndarray:
+    """Centres of a regular grid of cells on a plane that cuts a domain, (n1, n2, D).
+
+    Parameters
+    ----------
+    domain
+        The box.
+    shape
+        Cells along the plane's axes.
+    normal
+        The axis that it is perpendicular to; None in 2D, where there is one plane only.
+    at
+        The plane's coordinate in m; by default the middle of the domain.
+    """
+    if normal is None:
+        return grid(domain, shape)
+    counts = [shape] * (domain.dim - 1) if isinstance(shape, int) else list(shape)
+    if len(counts) != domain.dim - 1:
+        raise InputError("cells", shape, f"a positive number, or {domain.dim - 1} of them")
+    counts.insert(normal, 1)  # one cell: its centre is in the middle
+    points = np.squeeze(grid(domain, counts), axis=normal)
+    if at is not None:
+        if not domain.lower[normal] <= at <= domain.upper[normal]:
+            low, high = domain.lower[normal], domain.upper[normal]
+            raise InputError("at", at, f"between {low:g} and {high:g} m")
+        points[..., normal] = at
+    return points
+
+
 def interpolate(
     points: np.ndarray,
     position: np.ndarray,

@@ -32,6 +32,7 @@ from particell.kernels import kernel_code, normalisation
 from particell.laws import diffusion
 from particell.materials import AVOGADRO
 from particell.particles import Particles
+from particell.representation import block
 
 
 class Chemistry(Contents):
@@ -67,6 +68,8 @@ class Chemistry(Contents):
 
     Attributes
     ----------
+    species, reactions
+        What there is, by name, and what it does.
     jumps, events
         Diffusive jumps and stochastic reaction events so far.
     substeps
@@ -103,6 +106,7 @@ class Chemistry(Contents):
         depth = checked_rate("depth", depth)
         super().__init__(device, particles, species, tables, seed, depth)
         self.neighbours, self.splitting = neighbours, splitting
+        self.reactions = list(reactions)
         self.normalise, self.binomial_cost = normalise, jumps.BINOMIAL_COST
         self.jumps = self.events = self.substeps = 0
         code, dim = kernel_code(kernel), particles.dim
@@ -147,6 +151,15 @@ class Chemistry(Contents):
         self._at_rest = at_rest
         self._rates_last = at_rest and len(self._jump_tables) < 2 and not self._switching
         self._measured = self._rated = False
+
+    def __repr__(self) -> str:
+        return f"Chemistry({list(self.species.values())}, {self.reactions})"
+
+    def _repr_html_(self) -> str:
+        from particell.chemistry.listing import reaction_table, species_table
+
+        tables = species_table(self.species.values()), reaction_table(self.reactions)
+        return block("Species and reactions", *tables)
 
     def limits(self) -> dict[str, float]:
         """Largest steps in s by name: 0.05 h²/κ for each kind of species.

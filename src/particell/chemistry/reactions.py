@@ -27,6 +27,7 @@ from typing import Any
 
 from particell.chemistry.species import checked_rate, group_names
 from particell.errors import InputError
+from particell.representation import block, brief
 
 Rate = float | Mapping[str, float]
 _TERM = re.compile(r"(?:(\d+)\s*\*?\s*)?([^\W\d]\w*)")
@@ -65,7 +66,7 @@ def parse_reaction(equation: str) -> tuple[dict[str, int], dict[str, int], bool]
     raise InputError("reaction", equation, "two sides with one '->' or '<->' between them")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Reaction:
     """A reaction between species: concentrations, molecules, or both (mass action only).
 
@@ -141,6 +142,15 @@ class Reaction:
             raise InputError(
                 f"backward of {self.label}", self.backward, "left out, or '<->' be written"
             )
+
+    def __repr__(self) -> str:
+        sides = ("reactants", "products") if self.equation is not None else ()
+        return brief(self, unnamed=3, without=sides)
+
+    def _repr_html_(self) -> str:
+        from particell.chemistry.listing import reaction_table
+
+        return block(f"Reaction {self.label}", reaction_table([self]))
 
     @property
     def label(self) -> str:

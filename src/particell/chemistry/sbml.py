@@ -25,6 +25,7 @@ from particell.chemistry.sbml_laws import Laws, Participant
 from particell.chemistry.sbml_units import Units
 from particell.chemistry.species import Species
 from particell.errors import InputError, unknown_name
+from particell.representation import block, table
 from particell.units import parse
 
 if TYPE_CHECKING:
@@ -64,6 +65,18 @@ class SBMLModel:
     parameters: dict[str, float] = field(default_factory=dict)
     kinds: dict[str, str] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
+
+    def _repr_html_(self) -> str:
+        from particell.chemistry.listing import reaction_table, species_table
+
+        return block(
+            f"SBML model: {len(self.species)} species, {len(self.reactions)} reactions",
+            species_table(self.species),
+            reaction_table(self.reactions),
+            table(self.initial.items(), ("species", "at t = 0 [mol/m³]")),
+            table(self.constants.items(), ("held constant", "[mol/m³]")),
+            table([(note,) for note in self.notes], ("notes",)),
+        )
 
     def set_initial(self, chemistry: Chemistry) -> None:
         """Give all particles the initial concentrations."""

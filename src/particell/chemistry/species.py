@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from particell.errors import InputError
+from particell.representation import block, brief
 
 
 def group_names(key: str, only_in: str | Sequence[str] | None) -> tuple[str, ...] | None:
@@ -27,7 +28,7 @@ def checked_rate(key: str, value: object) -> float:
     return float(value)  # type: ignore[arg-type]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Species:
     """A chemical species, as a concentration or as whole numbers of molecules.
 
@@ -77,6 +78,14 @@ class Species:
             raise InputError(f"molecules of {self.name}", self.molecules, "True or False")
         object.__setattr__(self, "only_in", group_names(self.name, self.only_in))
         self._check_switch()
+
+    def __repr__(self) -> str:
+        return brief(self, unnamed=2)
+
+    def _repr_html_(self) -> str:
+        from particell.chemistry.listing import species_table
+
+        return block(f"Species {self.name}", species_table([self]))
 
     @property
     def switches(self) -> bool:

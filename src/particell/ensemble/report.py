@@ -11,7 +11,6 @@ import numpy as np
 
 from particell.cases import execution
 from particell.cases.base import Case, Metric
-from particell.ensemble import figures
 from particell.ensemble.ensemble import Ensemble
 from particell.ensemble.results import EnsembleRun
 from particell.output.files import write_json
@@ -53,7 +52,7 @@ def observables_figure(ensemble: EnsembleRun, directory: Path) -> list[Path]:
     if len(ensemble) < 2 or not ensemble.observable_names:
         return []
     path = directory / "observables.png"
-    figures.observables(ensemble, path=path)
+    ensemble.plot.series(path=path)
     return [path]
 
 

@@ -15,9 +15,10 @@ from particell.ensemble.jobs import finished
 from particell.errors import InputError, unknown_name
 from particell.output.files import read_json
 from particell.output.run import SUMMARY, Run
+from particell.representation import block, table
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from particell.ensemble.figures import EnsemblePlots
 
 ENSEMBLE, FAILURE = "ensemble.json", "failed.json"
 #: Particles count as being at the same place within this part of the smallest support.
@@ -99,21 +100,21 @@ class EnsembleRun:
     @property
     def times(self) -> np.ndarray:
         """Times of the frames in s, (frames,)."""
-        return self._times_of(self._first)
+        return self._times_of(self.first)
 
     def at(self, time: float) -> int:
         """Index of the frame nearest to a time in s."""
-        return self._first.at(time)
+        return self.first.at(time)
 
     @property
     def field_names(self) -> list[str]:
         """The fields of a frame."""
-        return self._first.field_names
+        return self.first.field_names
 
     @property
     def observable_names(self) -> list[str]:
         """The recorded scalars."""
-        return self._first.observable_names
+        return self.first.observable_names
 
     def __len__(self) -> int:
         return len(self.indices)
@@ -121,6 +122,19 @@ class EnsembleRun:
     def __repr__(self) -> str:
         failed = f", {len(self.failed)} failed" if self.failed else ""
         return f"EnsembleRun({len(self)} of {self.settings['runs']} realisations{failed})"
+
+    def _repr_html_(self) -> str:
+        seed, first = self.settings.get("seed"), self.runs[0] if self.runs else None
+        rows: list[tuple[str, object]] = [
+            ("finished", f"{len(self)} of {self.settings['runs']} realisations"),
+            ("failed", list(self.failed) or None),
+            ("master seed", seed),
+        ]
+        if first is not None:
+            rows.append(("frames", len(first)))
+            rows.append(("fields", first.field_names))
+            rows.append(("observables", first.observable_names))
+        return block(f"Ensemble {self.directory}", table(rows))
 
     # --- statistics --------------------------------------------------------------------------
 
@@ -230,7 +244,7 @@ class EnsembleRun:
 
         def everything() -> Iterator[np.ndarray]:
             for k in frames:
-                for values in self._values(what, k, where, matched=False):
+                for values in self.values(what, k, **where):
                     flat = values.ravel()
                     yield flat[np.isfinite(flat)]
 
@@ -247,16 +261,18 @@ class EnsembleRun:
             counts += np.histogram(values, edges)[0]
         return counts, edges
 
-    def plot(self, *names: str, path: str | Path | None = None) -> Figure:
-        """Mean ± deviation of observables in time (default: of all that vary)."""
-        from particell.ensemble import figures
+    @property
+    def plot(self) -> EnsemblePlots:
+        """Pictures: ``result.plot("amount_A")``, ``result.plot.histogram(...)``, …."""
+        from particell.ensemble.figures import EnsemblePlots
 
-        return figures.observables(self, names or None, path)
+        return EnsemblePlots(self)
 
     # --- values ------------------------------------------------------------------------------
 
     @property
-    def _first(self) -> Run:
+    def first(self) -> Run:
+        """The first realisation that is finished."""
         if not self.runs:
             raise InputError("realisations", 0, "at least one that is finished")
         return self.runs[0]
@@ -273,6 +289,13 @@ class EnsembleRun:
 
     def _is_field(self, what: Quantity) -> bool:
         return isinstance(what, str) and what in self.field_names
+
+    def values(self, what: Quantity, frame: int | None = -1, **where: Any) -> Iterator[np.ndarray]:
+        """The values of one realisation after the other, wherever its particles are.
+
+        Parameters as for :meth:`moments`.
+        """
+        return self._values(what, frame, where, matched=False)
 
     def _values(
         self, what: Quantity, frame: int | None, where: dict[str, Any], matched: bool = True
@@ -301,31 +324,31 @@ class EnsembleRun:
             return what
         if frame is None:  # of an observable
             return lambda run: self._series(run, what)
-        first, options = self._first, dict(where)
+        first, options = self.first, dict(where)
         groups, places = options.pop("groups", None), options.keys() & {"grid", "points"}
         if len(places) > 1:
             raise InputError("points", "given", "left out where 'grid' is given")
         if options and not places:
             raise unknown_name("option", next(iter(options)), ("groups", "grid", "points"))
-        self._same_time(first, frame)
+        self.same_time(first, frame)
         if not self._is_field(what):
-            return lambda run: run.observable(what)[self._same_time(run, frame)]
+            return lambda run: run.observable(what)[self.same_time(run, frame)]
         if "grid" in places:
             shape = options.pop("grid")
             return lambda run: run.on_grid(
-                what, shape, self._same_time(run, frame), groups=groups, **options
+                what, shape, self.same_time(run, frame), groups=groups, **options
             )
         if "points" in places:
             points = np.asarray(options.pop("points"), float)
             return lambda run: run.on_points(
-                what, points, self._same_time(run, frame), groups=groups, **options
+                what, points, self.same_time(run, frame), groups=groups, **options
             )
         chosen = [groups] if isinstance(groups, str) else groups
         if matched:
             self._same_places(what, frame, chosen)
 
         def by_particle(run: Run) -> np.ndarray:
-            values = run.field(what)[self._same_time(run, frame)]
+            values = run.field(what)[self.same_time(run, frame)]
             return values[run.group(*chosen)] if chosen else values
 
         return by_particle
@@ -333,10 +356,10 @@ class EnsembleRun:
     def _series(self, run: Run, what: str) -> np.ndarray:
         """An observable at all frames, which must be those of the first run."""
         for k in range(max(len(self.times), len(self._times_of(run)))):
-            self._same_time(run, k)
+            self.same_time(run, k)
         return run.observable(what)
 
-    def _same_time(self, run: Run, frame: int) -> int:
+    def same_time(self, run: Run, frame: int) -> int:
         """The frame, counted from the beginning, if it is of the same time as in the first run."""
         times, others = self.times, self._times_of(run)
         if not -len(times) <= frame < len(times):
@@ -350,7 +373,7 @@ class EnsembleRun:
 
     def _same_places(self, what: str, frame: int, groups: Sequence[str] | None) -> None:
         """Refuse to match particles that are elsewhere in other realisations."""
-        first = self._first
+        first = self.first
         mask = first.group(*groups) if groups else slice(None)
         place = first.field("position")[frame][mask]
         ids, supports = first.static["id"][mask], first.static["support"][mask]
@@ -360,7 +383,7 @@ class EnsembleRun:
             if not np.array_equal(run.static["id"][chosen], ids):
                 fault = f"realisation {k} has other particles"
             else:
-                gap = run.field("position")[self._same_time(run, frame)][chosen] - place
+                gap = run.field("position")[self.same_time(run, frame)][chosen] - place
                 gap -= first.domain.lengths * np.rint(gap * first.domain.inverse_periods)
                 if np.abs(gap).max(initial=0.0) <= reach:
                     continue

@@ -13,9 +13,13 @@ from particell.errors import InputError
 from particell.geometry.domain import Domain
 from particell.output.files import read_json
 from particell.output.sources import FileSource, Index, MemorySource, Source, known
+from particell.representation import block, shown, table
+from particell.units import field_unit, length_scale, observable_unit, time_scale
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from particell.output.run_plots import RunPlots
 
 TRAJECTORY = "run.h5"
 CHECKPOINT = "checkpoint.h5"
@@ -68,8 +72,8 @@ class Field:
         return self.run.on_grid(self.name, shape, frame, **options)
 
     def plot(self, frame: int = -1, **options: Any) -> Figure:
-        """As :meth:`Run.plot`."""
-        return self.run.plot(self.name, frame, **options)
+        """As :meth:`.RunPlots.scatter`."""
+        return self.run.plot.scatter(self.name, frame, **options)
 
 
 class Run:
@@ -169,9 +173,30 @@ class Run:
         span = f", t = {times[0]:g} … {times[-1]:g} s" if len(times) else ""
         return f"Run({len(times)} frames{span}; fields: {', '.join(self.field_names)})"
 
+    def _repr_html_(self) -> str:
+        fields = [(n, field_unit(n), self.source.shape(n)[0][1:]) for n in self.field_names]
+        observables = [(n, observable_unit(n, self.field_names)) for n in self.observable_names]
+        times, lengths = self.times, self.domain.lengths
+        factor, unit = length_scale(float(lengths.max()))
+        span = f"{times[0]:.6g} … {times[-1]:.6g} s" if len(times) else "none yet"
+        return block(
+            f"Run {self.directory or 'in memory'}",
+            table(
+                [
+                    ("case", self.summary.get("case")),
+                    ("frames", len(times)),
+                    ("times", span),
+                    ("box", f"{' × '.join(shown(x / factor) for x in lengths)} {unit}"),
+                    ("groups", self.group_names),
+                ]
+            ),
+            table(fields, ("field", "unit", "shape")),
+            table(observables, ("observable", "unit")),
+        )
+
     def frame(self, k: int = -1) -> dict[str, np.ndarray]:
         """All fields of frame ``k``, rows in the order of persistent ids."""
-        self._frame(k)
+        k = self.checked(k)
         return {name: self.source.read(name, k) for name in self.field_names}
 
     def field(self, name: str) -> Field:
@@ -186,6 +211,12 @@ class Run:
         """Boolean mask (n,) of the particles of one or several groups."""
         chosen = [self.group_names.index(known("group", g, self.group_names)) for g in names]
         return np.isin(self.static["group"], chosen)
+
+    def chosen(self, groups: str | Sequence[str] | None) -> np.ndarray:
+        """As :meth:`group`, of one name or a list of them; None is all particles."""
+        if groups is None:
+            return np.ones(len(self.static["group"]), bool)
+        return self.group(*([groups] if isinstance(groups, str) else groups))
 
     def at(self, time: float) -> int:
         """Index of the frame nearest to a time in s.
@@ -206,7 +237,7 @@ class Run:
         name: str,
         points: np.ndarray,
         frame: int = -1,
-        groups: Sequence[str] | None = None,
+        groups: str | Sequence[str] | None = None,
         order: int = 1,
         kernel: str = "wendland-c2",
         support: float | None = None,
@@ -237,9 +268,9 @@ class Run:
         """
         from particell.analysis.fields import interpolate
 
-        self._frame(frame)
+        frame = self.checked(frame)
         known("field", name, self.field_names)
-        chosen = self.group(*groups) if groups else np.ones(len(self.static["group"]), bool)
+        chosen = self.chosen(groups)
         return interpolate(
             points,
             self.source.read("position", frame)[chosen],
@@ -275,50 +306,12 @@ class Run:
         values = self.on_points(name, centres.reshape(-1, self.domain.dim), frame, **options)
         return values.reshape(centres.shape[:-1] + values.shape[1:])
 
-    def plot(
-        self,
-        name: str,
-        frame: int = -1,
-        *,
-        groups: Sequence[str] | None = None,
-        component: int | None = None,
-        style: str = "scatter",
-        path: str | Path | None = None,
-    ) -> Figure:
-        """Picture of a field in 1D or 2D (a 3D one is seen along z).
+    @property
+    def plot(self) -> RunPlots:
+        """Pictures and animations: ``run.plot("velocity")``, ``run.plot.map("velocity")``, …."""
+        from particell.output.run_plots import RunPlots
 
-        Parameters
-        ----------
-        name
-            The field; of a vector, its magnitude, or one ``component``.
-        frame
-            Which frame.
-        groups
-            The groups to show (default: all).
-        style
-            ``"scatter"`` (a disc a particle) or ``"tripcolor"`` (a continuous map).
-        path
-            Also write it to this file.
-        """
-        from particell import plots
-
-        self._frame(frame)
-        known("field", name, self.field_names)
-        chosen = self.group(*groups) if groups else np.ones(len(self.static["group"]), bool)
-        values = self.source.read(name, frame)[chosen]
-        if values.ndim > 1:
-            values = np.linalg.norm(values, axis=1) if component is None else values[:, component]
-        figure = plots.field_map(
-            self.source.read("position", frame)[chosen],
-            values,
-            domain=self.domain,
-            label=plots.field_label(name, component),
-            title=f"t = {self.times[frame]:.4g} s",
-            style=style,
-        )
-        if path is not None:
-            plots.save(figure, path)
-        return figure
+        return RunPlots(self)
 
     def _volume(self, frame: int) -> np.ndarray:
         """Volumes of the particles, up to a factor (particles at rest have no density field)."""
@@ -330,7 +323,23 @@ class Run:
         """A field of a frame, or the static one where it does not change."""
         return self.source.read(name, frame) if name in self.field_names else self.static[name]
 
-    def _frame(self, k: int) -> None:
+    def checked(self, frame: int) -> int:
+        """The number of a frame, counted from the beginning.
+
+        Raises
+        ------
+        InputError
+            Where there is no such frame.
+        """
         frames = len(self)
-        if not -frames <= k < frames:
-            raise InputError("frame", k, f"between {-frames} and {frames - 1}")
+        if not frames:
+            raise InputError("run", str(self.directory), "one with at least one frame")
+        if not isinstance(frame, int | np.integer) or not -frames <= frame < frames:
+            raise InputError("frame", frame, f"between {-frames} and {frames - 1}")
+        return int(frame) % frames
+
+    def title(self, frame: int) -> str:
+        """``"t = 12.5 ms"``: the time of a frame, in a unit that suits the last one's."""
+        times = self.times
+        factor, unit = time_scale(float(np.abs(times).max()))
+        return f"t = {times[frame] / factor:.4g} {unit}"

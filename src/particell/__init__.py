@@ -8,6 +8,7 @@ Everything a script needs is here, loaded when it is first used:
 
 from __future__ import annotations
 
+import difflib
 import importlib
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
@@ -134,7 +135,9 @@ __all__ = [
 
 def __getattr__(name: str) -> Any:
     if name not in _HOME:
-        raise AttributeError(f"module 'particell' has no attribute '{name}'")
+        near = difflib.get_close_matches(name, __all__, n=1)
+        hint = f" (did you mean '{near[0]}'?)" if near else ""
+        raise AttributeError(f"module 'particell' has no attribute '{name}'{hint}")
     return getattr(importlib.import_module(f"particell.{_HOME[name]}"), name)
 
 

@@ -5,6 +5,9 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
+#: Longest text of a value in a message.
+LONGEST_VALUE = 200
+
 
 class ParticellError(Exception):
     """Base class of all errors that Particell raises on purpose."""
@@ -25,7 +28,16 @@ class InputError(ParticellError, ValueError):
 
     def __init__(self, key: str, value: object, allowed: str):
         self.key, self.value, self.allowed = key, value, allowed
-        super().__init__(f"{key} = {value!r} is not allowed: it must be {allowed}")
+        super().__init__(f"{key} = {shown(value)} is not allowed: it must be {allowed}")
+
+
+def shown(value: object) -> str:
+    """A value as Python writes it, in one line that is not too long."""
+    try:
+        text = " ".join(repr(value).split())
+    except Exception:  # whatever it is, it is shown in a message about something else
+        text = f"<{type(value).__name__}>"
+    return text if len(text) <= LONGEST_VALUE else f"{text[: LONGEST_VALUE - 1]}…"
 
 
 def unknown_name(what: str, name: str, known: Iterable[str]) -> InputError:

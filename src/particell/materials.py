@@ -14,12 +14,13 @@ from dataclasses import dataclass, replace
 
 from numba import njit
 
-from particell.errors import InputError
+from particell.checks import checked, not_negative, positive
 
 BOLTZMANN = 1.380649e-23  # J/K, exact (SI 2019)
 AVOGADRO = 6.02214076e23  # 1/mol, exact
 
 
+@checked
 @dataclass(frozen=True)
 class Fluid:
     """A weakly compressible Newtonian fluid.
@@ -58,15 +59,12 @@ class Fluid:
 
     def __post_init__(self) -> None:
         for name in ("density", "exponent"):
-            if not getattr(self, name) > 0:
-                raise InputError(name, getattr(self, name), "positive")
+            positive(name, getattr(self, name))
         for name in ("viscosity", "bulk_viscosity"):
-            if not getattr(self, name) >= 0:
-                raise InputError(name, getattr(self, name), "zero or positive")
+            not_negative(name, getattr(self, name))
         for name in ("temperature", "sound_speed"):
-            value = getattr(self, name)
-            if value is not None and not value > 0:
-                raise InputError(name, value, "positive")
+            if getattr(self, name) is not None:
+                positive(name, getattr(self, name))
 
     def with_sound_speed(self, sound_speed: float) -> Fluid:
         """The same fluid with its sound speed given."""

@@ -10,8 +10,10 @@ import numpy as np
 from particell.boundaries.mean_velocity import MeanVelocity, add_velocity, axial_momentum
 from particell.boundaries.reflection import Reflection, reflect, surface_table
 from particell.boundaries.sponge import Sponge, relax_velocity, share_of_target
+from particell.chemistry.reservoirs import FixedValueWall, FluxWall, Reservoir
 from particell.compute.reduce import Reduction
-from particell.errors import InputError, RunError
+from particell.errors import InputError, RunError, unknown_name
+from particell.geometry.shapes import Ball
 from particell.kernels import kernel_code
 from particell.laws.buoyancy import Buoyancy, add_buoyancy, add_wall_head
 from particell.materials import AVOGADRO
@@ -33,6 +35,7 @@ class Constraints:
         self.sponges = [b for b in boundaries if isinstance(b, Sponge)]
         self.surfaces = [b for b in boundaries if isinstance(b, Reflection)]
         self.means = [b for b in boundaries if isinstance(b, MeanVelocity)]
+        self._check(boundaries)
         for mean in self.means:
             if mean.axis not in np.flatnonzero(simulation.domain.periodic):
                 raise InputError("axis of MeanVelocity", mean.axis, "that of a periodic direction")
@@ -50,16 +53,35 @@ class Constraints:
         self._seen = 0
         self._bound = False
 
+    def _check(self, boundaries: Sequence[Any]) -> None:
+        dim, chemistry = self.simulation.domain.dim, self.simulation.chemistry
+        for sponge in self.sponges:
+            if sponge.axis >= dim:
+                raise InputError("axis of Sponge", sponge.axis, f"from 0 to {dim - 1}")
+            for name in sponge.species:
+                known = chemistry.species if chemistry else {}
+                if name not in known:
+                    raise unknown_name("species of Sponge", name, known)
+        for reflection in self.surfaces:
+            body = reflection.body
+            if len(body.center if isinstance(body, Ball) else body.point) != dim:
+                raise InputError("body of Reflection", body, f"in {dim} dimensions")
+        for boundary in boundaries:
+            if chemistry is None and isinstance(boundary, Reservoir | FixedValueWall | FluxWall):
+                name = next(iter(boundary.values))
+                raise InputError(f"species of {type(boundary).__name__}", name, "a species' name")
+
     def renew(self) -> None:
         """Evaluate the sponges' targets at the particles' positions."""
         particles = self.simulation.particles
         for k, sponge in enumerate(self.sponges):
             x = np.array(particles.host("x"), dtype=float)
             if sponge.velocity is not None:
-                particles.set(f"sponge_velocity_{k}", sponge.velocity(x))
+                values = _target(sponge, x, "velocity", sponge.velocity(x), x.shape)
+                particles.set(f"sponge_velocity_{k}", values)
             for name, value in sponge.species.items():
-                values = value(x) if callable(value) else np.asarray(value)
-                particles.set(f"sponge_{name}_{k}", values)
+                given = value(x) if callable(value) else value
+                particles.set(f"sponge_{name}_{k}", _target(sponge, x, name, given, (len(x),)))
         self._seen = self.simulation.neighbours.builds
 
     def restored(self) -> None:
@@ -165,6 +187,19 @@ class Constraints:
             self._relaxations.append(relax)
 
 
+def _target(
+    sponge: Sponge, x: np.ndarray, name: str, values: Any, shape: tuple[int, ...]
+) -> np.ndarray:
+    """A target as an array of a shape; refused where it is none, or not finite in the sponge."""
+    try:
+        found = np.broadcast_to(np.asarray(values, dtype=float), shape)
+    except (TypeError, ValueError):
+        found = np.full(shape, np.nan)
+    if not np.all(np.isfinite(found[sponge.strength(x) > 0])):
+        raise InputError(f"{name} of Sponge", values, f"finite numbers of shape {shape}")
+    return found
+
+
 class Forces:
     """Body forces that depend on what the particles carry; they act after the force sweep."""
 
@@ -231,6 +266,12 @@ class Forces:
 TOO_LATE = 2.0
 
 
+#: Fields that are never infinite; others are looked at for NaN only.
+FINITE = ("x", "v", "density", "a", "amount")
+#: Fields that messages name rather than those that are made of them.
+SOURCES = (*FINITE, "count", "mass", "support", "wall_normal", "wall_depth", "wall_curvature")
+
+
 class Monitor:
     """Finds non-finite fields and lost particles; measures energy and momentum."""
 
@@ -246,17 +287,24 @@ class Monitor:
             Naming step, time, the first particle and the field.
         """
         particles = self.simulation.particles
-        names = ["x", "v", "density", "a"]
-        names += [name for name in ("amount", "count") if name in particles]
-        for name in names:
-            values = particles.host(name)
-            bad = ~np.isfinite(values) if values.dtype.kind == "f" else values < 0
-            if bad.any():
-                row = int(np.argwhere(bad)[0][0])
-                what = "not finite" if values.dtype.kind == "f" else "negative"
-                self._fail(f"a value is {what}", name, row)
+        if broken := {name: rows for name in particles if len(rows := self._bad_rows(name))}:
+            # A NaN spreads from particle to particle: where there are fewest, it came from.
+            field = min(broken, key=lambda name: (name not in SOURCES, len(broken[name])))
+            what = "negative" if field == "count" else "not finite"
+            self._fail(f"a value is {what}", field, int(broken[field][0]))
         self._check_places()
         self._check_speeds()
+
+    def _bad_rows(self, name: str) -> np.ndarray:
+        """Rows of a field that hold what they must not."""
+        values = self.simulation.particles.host(name)
+        if name == "count":
+            bad = values < 0
+        elif values.dtype.kind != "f" or name.startswith("sponge_"):  # unused outside a sponge
+            return np.empty(0, np.int64)
+        else:  # some distances are infinite where there is nothing near
+            bad = ~np.isfinite(values) if name in FINITE else np.isnan(values)
+        return np.flatnonzero(bad.any(axis=1) if bad.ndim > 1 else bad)
 
     def _check_speeds(self) -> None:
         s = self.simulation

@@ -17,19 +17,23 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from tqdm import tqdm
 
+from particell.checks import checked, not_negative, positive
 from particell.compute import neighbours
 from particell.compute.cache import cache_directory
-from particell.errors import InputError, Interrupted, RunError
+from particell.errors import InputError, Interrupted, RunError, unknown_name
 from particell.output.checkpoint import write_checkpoint
-from particell.output.files import OutputError, plain
-from particell.output.run import CHECKPOINT, TRAJECTORY, Run
+from particell.output.files import OutputError, plain, prepare_directory
+from particell.output.run import CHECKPOINT, OWN_FILES, TRAJECTORY, Run
 from particell.output.trajectory import TrajectoryWriter
+from particell.schemes.timestep import check_number_of_steps
 
 if TYPE_CHECKING:
     from particell.simulation import Simulation
 
 #: Steps between looks at the clock, the state's soundness and the user's wish to stop.
 CHUNK = 50
+#: More frames than any disk holds.
+MOST_FRAMES = 1e9
 
 
 class Stop(Protocol):
@@ -40,6 +44,7 @@ class Stop(Protocol):
         ...
 
 
+@checked
 @dataclass
 class SteadyState:
     """Stop when an observable changes by less than a tolerance per unit of time.
@@ -62,6 +67,8 @@ class SteadyState:
     after: float = 0.0
 
     def __post_init__(self) -> None:
+        not_negative("tolerance", self.tolerance)
+        positive("interval", self.interval)
         self._last: tuple[float, float] | None = None
 
     def __call__(self, time: float, observables: Mapping[str, float]) -> bool:
@@ -172,8 +179,10 @@ def run_with_observers(
     progress: bool,
     checkpoint_every: float,
     stop: Stop | None,
+    overwrite: bool = False,
 ) -> Run:
     """See :meth:`particell.simulation.Simulation.run`."""
+    not_negative("checkpoint_every", checkpoint_every)
     if not (until > simulation.time and math.isfinite(until)):
         if simulation.resumed and out is not None and until <= simulation.time * (1 + 1e-9):
             return Run(out)
@@ -181,20 +190,20 @@ def run_with_observers(
     every = until / 10 if every is None else every
     if not 0 < every <= until * (1 + 1e-9):
         raise InputError("every", every, f"positive and at most 'until' = {until:g} s")
-    directory = Path(out) if out is not None else None
-    if directory is not None:
-        directory.mkdir(parents=True, exist_ok=True)
-    resumed = simulation.resumed and directory is not None
+    _check_stop(simulation, stop)
+    resumed = simulation.resumed and out is not None
     plan = simulation.resumed_plan if resumed else None
     if plan is None:
+        intervals = _intervals(until - simulation.time, every)
         per_frame = simulation.plan(every)
-        intervals = max(1, round((until - simulation.time) / every))
+        check_number_of_steps(simulation.dt, intervals * every)
         plan = {
             "every": every,
             "per_frame": per_frame,
             "last": simulation.step + intervals * per_frame,
             "next": simulation.step + per_frame,
         }
+    directory = None if out is None else _claim(Path(out), resumed or overwrite, resumed)
     if progress and not cache_directory(Path(neighbours.__file__)).exists():
         tqdm.write("compiling the loops (only the first time; about half a minute)", sys.stderr)
     simulation.start()
@@ -204,6 +213,32 @@ def run_with_observers(
         recorder.checkpoint(plan)
     _loop(simulation, recorder, plan, progress, checkpoint_every, stop)
     return recorder.finish()
+
+
+def _check_stop(simulation: Simulation, stop: Stop | None) -> None:
+    if stop is not None and not callable(stop):
+        raise InputError("stop", stop, "a condition such as SteadyState, or None")
+    if isinstance(stop, SteadyState) and stop.observable not in (o := simulation.observables()):
+        raise unknown_name("observable", stop.observable, o)
+
+
+def _intervals(span: float, every: float) -> int:
+    """How many frames a span of time in s has; refuses an interval that would not reach its end."""
+    if span > MOST_FRAMES * every:
+        least = span / MOST_FRAMES
+        raise InputError("every", every, f"at least {least:g} s: {MOST_FRAMES:g} frames")
+    number = max(1, round(span / every))
+    if abs(number * every - span) > 1e-6 * span:
+        raise InputError("every", every, f"a whole part of the {span:g} s to run")
+    return number
+
+
+def _claim(directory: Path, allowed: bool, resumed: bool) -> Path:
+    """Make the directory of a run; one that holds another run needs to be allowed."""
+    used = any((directory / name).exists() for name in (TRAJECTORY, CHECKPOINT))
+    if used and not allowed:
+        raise InputError("out", str(directory), "without a run in it (or give overwrite=True)")
+    return prepare_directory(directory, *(OWN_FILES if used and not resumed else ()))
 
 
 def _plan_again(simulation: Simulation, plan: dict) -> None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from particell.checks import checked, positive
 from particell.errors import InputError
 from particell.geometry.domain import Domain
 from particell.geometry.fill import fitting_spacing, lattice
@@ -18,6 +19,7 @@ from particell.representation import block, table
 Velocity = Callable[[np.ndarray], np.ndarray] | np.ndarray | tuple[float, ...] | None
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Phase:
     """Particles of one material and one role.
@@ -71,11 +73,28 @@ class Phase:
             raise InputError(f"points of '{self.name}'", points.shape, "an array of shape (n, D)")
         if not np.all(np.isfinite(points)):
             raise InputError(f"points of '{self.name}'", "nan or inf", "finite")
-        volume = np.broadcast_to(np.asarray(self.volume, dtype=float), (len(points),))
-        if np.any(~(volume > 0)):
+        if self.spacing is not None:
+            positive(f"spacing of '{self.name}'", self.spacing)
+        volume = np.asarray(self.volume, dtype=float)
+        if volume.shape not in ((), (len(points),)):
+            raise InputError(f"volume of '{self.name}'", volume.shape, f"of shape ({len(points)},)")
+        volume = np.broadcast_to(volume, (len(points),))
+        if np.any(~((volume > 0) & (volume < np.inf))):
             raise InputError(f"volume of '{self.name}'", float(volume.min()), "positive")
+        self._check_surface(points.shape[1])
         object.__setattr__(self, "points", points)
         object.__setattr__(self, "volume", volume)
+        if not callable(self.velocity):
+            self.velocities()
+
+    def _check_surface(self, dim: int) -> None:
+        if self.surface is None:
+            return
+        try:
+            self.surface.signed_distance(np.zeros((1, dim)))
+        except ValueError:
+            allowed = f"a shape in {dim} dimensions"
+            raise InputError(f"surface of '{self.name}'", self.surface, allowed) from None
 
     def __repr__(self) -> str:
         return (
@@ -103,7 +122,15 @@ class Phase:
         if self.velocity is None:
             return np.zeros_like(self.points)
         value = self.velocity(self.points) if callable(self.velocity) else self.velocity
-        return np.array(np.broadcast_to(np.asarray(value, dtype=float), self.points.shape))
+        try:
+            values = np.asarray(value, dtype=float)
+            values = np.array(np.broadcast_to(values, self.points.shape))
+        except (TypeError, ValueError):
+            allowed = f"numbers that fit the points, of shape {self.points.shape}"
+            raise InputError(f"velocity of '{self.name}'", value, allowed) from None
+        if not np.all(np.isfinite(values)):
+            raise InputError(f"velocity of '{self.name}'", "nan or inf", "finite")
+        return values
 
 
 def phase_table(phases: Iterable[Phase]) -> str:
@@ -124,6 +151,7 @@ def phase_table(phases: Iterable[Phase]) -> str:
     return table(rows, ("phase", "kind", "particles", *columns))
 
 
+@checked
 def fluid(
     domain: Domain,
     material: Fluid,
@@ -151,6 +179,7 @@ def fluid(
     return Phase(name, material, points, volume, velocity=velocity, spacing=float(np.max(steps)))
 
 
+@checked
 def channel_walls(
     domain: Domain,
     material: Fluid,
@@ -175,6 +204,9 @@ def channel_walls(
     velocity
         Velocities of the two walls.
     """
+    if not 0 <= axis < domain.dim:
+        raise InputError("axis", axis, f"from 0 to {domain.dim - 1}")
+    positive("layers", layers)
     steps = fitting_spacing(domain, spacing)
     return [
         _plane_wall(domain, material, steps, layers, axis, side, f"{name}-{side}", velocity[k])
@@ -182,6 +214,7 @@ def channel_walls(
     ]
 
 
+@checked
 def box_walls(
     domain: Domain,
     material: Fluid,
@@ -210,6 +243,7 @@ def box_walls(
     InputError
         Where there is no such side.
     """
+    positive("layers", layers)
     steps = fitting_spacing(domain, spacing)
     axes = range(domain.dim)
     sides = [(axis, side) for axis in axes for side in ("lower", "upper")]

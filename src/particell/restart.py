@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
 _LIST = ("cell", "cell_start", "start", "split", "stop", "crosses", "neighbours", "x_built")
 _COUNTERS = ("step", "time", "dt", "chemistry_every")
+_KEYS = {"list", "capacity", "builds", "speed", "seed", "first_momentum", *_COUNTERS}
 
 
 def state_of(simulation: Simulation) -> dict[str, Any]:
@@ -40,7 +41,10 @@ def state_of(simulation: Simulation) -> dict[str, Any]:
 
 def restore(simulation: Simulation, state: dict[str, Any]) -> None:
     """See :meth:`particell.simulation.Simulation.restore`."""
-    s, fields = simulation, state["fields"]
+    s = simulation
+    fields = state.get("fields") if isinstance(state, dict) else None
+    if not isinstance(fields, dict) or not set(state) >= _KEYS:
+        raise InputError("checkpoint", "another kind of state", "of a simulation")
     same = set(fields) == set(s.particles) and all(
         values.shape == s.particles[name].shape for name, values in fields.items()
     )

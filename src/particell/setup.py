@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
+from scipy.spatial import cKDTree
 
 from particell.compute.device import Device
 from particell.compute.neighbours import NeighbourList
@@ -13,6 +16,10 @@ from particell.kernels import kernel_code, normalisation, power, shape_w
 from particell.materials import Fluid
 from particell.particles import Group, Particles
 from particell.phases import Phase
+
+#: Particles nearer than this part of their spacing are at the same place: they never part again, as
+#: the forces between them vanish with their distance.
+SAME_PLACE = 1e-6
 
 
 def build_materials(
@@ -37,6 +44,7 @@ def build_particles(
 ) -> Particles:
     """All phases' particles in one set; ``support`` is in particle spacings."""
     check_phases(domain, phases)
+    check_overlap(domain, phases)
     groups = [
         Group(p.name, p.kind, material) for p, material in zip(phases, materials, strict=True)
     ]
@@ -84,8 +92,42 @@ def check_phases(domain: Domain, phases: list[Phase]) -> None:
             if outside.any():
                 point = p.points[np.flatnonzero(outside)[0]]
                 raise InputError(f"points of '{p.name}'", point.tolist(), f"inside {domain}")
-        if np.any(~np.isfinite(p.velocities())):
-            raise InputError(f"velocity of '{p.name}'", "nan or inf", "finite")
+
+
+def check_overlap(domain: Domain, phases: Sequence[Phase], part: float = SAME_PLACE) -> None:
+    """Refuse particles that are nearer to each other than ``part`` spacings.
+
+    Raises
+    ------
+    InputError
+        Naming the phases and a place where they overlap.
+    """
+    points = np.concatenate([p.points for p in phases])
+    if len(points) < 2:
+        return
+    phase = np.repeat(np.arange(len(phases)), [len(p.points) for p in phases])
+    spacing = np.array([p.particle_spacing for p in phases])
+    periods = np.where(domain.periodic, domain.lengths, 0.0)
+    origin = points.min(axis=0)
+    wrapped = points - np.where(domain.periodic, domain.lower, origin)
+    wrapped = np.where(domain.periodic, np.mod(wrapped, domain.lengths), wrapped)
+    wrapped[wrapped >= np.where(domain.periodic, domain.lengths, np.inf)] = 0.0
+    reach = part * spacing[phase]
+    near, nearest = cKDTree(wrapped, boxsize=periods).query(
+        wrapped, k=2, distance_upper_bound=float(reach.max())
+    )
+    # the nearest is the particle itself, or one at the same place
+    other = np.where(nearest[:, 0] == np.arange(len(points)), nearest[:, 1], nearest[:, 0])
+    distance, other = near[:, 1], np.minimum(other, len(points) - 1)
+    bad = np.flatnonzero(distance < np.minimum(reach, reach[other]))
+    if bad.size:
+        i, j = bad[0], other[bad[0]]
+        names = sorted({phases[phase[i]].name, phases[phase[j]].name})
+        raise InputError(
+            "phases",
+            " and ".join(names),
+            f"without particles on top of each other: there are two at {points[i].tolist()} m",
+        )
 
 
 def add_wall_geometry(particles: Particles, phases: list[Phase]) -> None:

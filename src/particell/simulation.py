@@ -19,6 +19,7 @@ from particell.boundaries.mean_velocity import MeanVelocity
 from particell.boundaries.moving import WallMotion
 from particell.boundaries.reflection import Reflection
 from particell.boundaries.sponge import Sponge
+from particell.checks import checked
 from particell.chemistry.carriage import Carriage
 from particell.chemistry.engine import Chemistry
 from particell.chemistry.reactions import Reaction
@@ -26,6 +27,7 @@ from particell.chemistry.reservoirs import FixedValueWall, FluxWall, Reservoir
 from particell.chemistry.species import Species
 from particell.compute.device import Device
 from particell.compute.loop import CompileLog
+from particell.compute.philox import stream_key
 from particell.errors import InputError
 from particell.geometry.domain import Domain
 from particell.laws.buoyancy import Buoyancy
@@ -33,9 +35,9 @@ from particell.motion import Constraints, Forces, Monitor
 from particell.phases import Phase
 from particell.restart import restore, state_of
 from particell.schemes.static import Static, StaticSolver
-from particell.schemes.timestep import step_limits
+from particell.schemes.timestep import check_number_of_steps
 from particell.setup import build_materials, build_neighbours, build_particles, lattice_sum
-from particell.speeds import Scheme, default_sound_speed, initial_speed
+from particell.speeds import Scheme, default_sound_speed, flow_limits, initial_speed
 from particell.walls import Walls
 
 if TYPE_CHECKING:
@@ -49,6 +51,7 @@ CHEMISTRY_MOTION = 0.1
 LATE = 1.05
 
 
+@checked
 class Simulation:
     """Particles that move, react and diffuse.
 
@@ -78,8 +81,7 @@ class Simulation:
     device
         Where to compute; CPU and float64 by default.
     normalise_diffusion
-        Divide the diffusion of species by the kernel sum, which makes the effective diffusivity
-        exact on every lattice.
+        Divide the diffusion of species by the kernel sum: exact on every lattice.
     splitting
         Of diffusion and reactions: ``"lie"`` (first order) or ``"strang"`` (second order, with two
         evaluations of the diffusion of concentrations a step).
@@ -91,7 +93,7 @@ class Simulation:
     chemistry
         The :class:`~particell.chemistry.engine.Chemistry`, or None without species.
     step, time, dt
-        Steps done, time in s, and the time step in s.
+        Steps done, time and time step in s.
     """
 
     def __init__(
@@ -111,10 +113,11 @@ class Simulation:
     ):
         if dt != "auto" and not (isinstance(dt, int | float) and dt > 0):
             raise InputError("dt", dt, "positive, or 'auto'")
+        stream_key(seed, 0)  # refuses what is no seed
         self.domain, self.scheme, self.seed = domain, scheme, seed
         self.phases = [phases] if isinstance(phases, Phase) else list(phases)
-        device = self.device = device or Device()
-        dim = domain.dim
+        device, dim = device or Device(), domain.dim
+        self.device = device
         spacing = min((p.particle_spacing for p in self.phases), default=1.0)
         self.depth = domain.depth if domain.depth is not None else spacing
         self.depth_factor = self.depth ** (3 - dim)
@@ -185,20 +188,8 @@ class Simulation:
         if self.static:
             limits = self.chemistry.limits() if self.chemistry else {}
             return min(limits.values(), default=1.0)
-        assert not isinstance(self.scheme, Static)
         h = float(self.particles.host("support").min())
-        gravity = float(np.linalg.norm(self.scheme.gravity or 0.0))
-        steps = [
-            step_limits(
-                h,
-                m.sound_speed or 1.0,
-                speed,
-                max(m.viscosity, m.bulk_viscosity) / m.density,
-                gravity,
-                self.scheme.viscous_factor,
-            ).smallest
-            for m in self.materials
-        ]
+        steps = [found.smallest for found in flow_limits(h, self.materials, self.scheme, speed)]
         return min(*steps, self._diffusive_limit())
 
     def _diffusive_limit(self) -> float:
@@ -217,6 +208,7 @@ class Simulation:
         if not (every > 0 and math.isfinite(every)):
             raise InputError("every", every, "positive")
         largest = self.largest_step() if self.automatic else self.dt
+        check_number_of_steps(largest, every)
         if largest > self._diffusive_limit() * (1 + 1e-9):
             allowed = f"at most {self._diffusive_limit():.3g} s (diffusion of concentrations)"
             raise InputError("dt", self.dt, allowed)
@@ -272,6 +264,7 @@ class Simulation:
         self._wall_seconds += clock.perf_counter() - begin
         self._compile_seconds += CompileLog.seconds - compiling
 
+    @checked
     def advance(self, steps: int = 1) -> None:
         """Do ``steps`` time steps of ``dt``.
 
@@ -281,6 +274,8 @@ class Simulation:
             Where a field is not finite, a particle has left the domain, or the flow is too fast
             for an automatic time step (checked at the end).
         """
+        if steps < 0:
+            raise InputError("steps", steps, "zero or more")
         self.start()
         begin, compiling = clock.perf_counter(), CompileLog.seconds
         chemistry, every = self.chemistry, self.chemistry_every
@@ -291,7 +286,7 @@ class Simulation:
             constraints.relax(self.step, dt)
             self.step += 1
             if chemistry is not None and self.step % every == 0:
-                chemistry.step(self.step, every * dt)
+                chemistry.step(self.step, every * dt, self.time + dt)
                 constraints.relax_species(self.step, every * dt)
             self.time += dt
         self.monitor.check()
@@ -301,6 +296,7 @@ class Simulation:
     def _move_walls(self, part: float) -> None:
         self.walls.move(self.time + part * self.dt)
 
+    @checked
     def run(
         self,
         until: float,
@@ -309,15 +305,17 @@ class Simulation:
         progress: bool = True,
         checkpoint_every: float = 60.0,
         stop: Stop | None = None,
+        overwrite: bool = False,
     ) -> Run:
         """Advance to a time, with output.
 
         Parameters
         ----------
         until
-            Time in s to advance to (a whole number of ``every``).
+            Time in s to advance to.
         every
-            Interval in s of frames; by default a tenth of ``until``.
+            Interval in s of frames, a whole part of the time to run; by default a tenth of
+            ``until``.
         out
             Directory for ``run.h5`` and ``checkpoint.h5``, or None to keep frames in memory.
         progress
@@ -326,6 +324,8 @@ class Simulation:
             Seconds of wall time between checkpoints; there is one more at the end.
         stop
             A condition that ends the run early.
+        overwrite
+            Whether to replace the run that ``out`` holds already.
 
         Returns
         -------
@@ -339,7 +339,8 @@ class Simulation:
         """
         from particell.observers import run_with_observers
 
-        return run_with_observers(self, until, every, out, progress, checkpoint_every, stop)
+        given = until, every, out, progress, checkpoint_every, stop, overwrite
+        return run_with_observers(self, *given)
 
     # --- what can be seen --------------------------------------------------------------------
 
@@ -364,8 +365,8 @@ class Simulation:
         """How far conserved quantities have drifted.
 
         Momentum (which walls, gravity and sponges change too) relative to Σ m|v|; sums of amounts
-        that no reaction changes, net of booked boundary flux, relative to the amounts; molecules
-        as whole numbers. Also how often walls turned particles back, and how many are inside.
+        that no reaction changes, net of booked boundary flux, relative to the amounts (molecules:
+        whole numbers); how often walls turned particles back, and how many are inside.
         """
         return snapshot.drift_since(self, self._first_momentum, self._first_totals)
 

@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 
 from particell.boundaries.moving import WallMotion
+from particell.errors import InputError
 from particell.geometry.domain import Domain
-from particell.materials import BOLTZMANN
+from particell.materials import BOLTZMANN, Fluid
 from particell.phases import Phase
 from particell.schemes.sdpd import SDPD
 from particell.schemes.static import Static
-from particell.schemes.timestep import sound_speed_by_rule
+from particell.schemes.timestep import StepLimits, sound_speed_by_rule, step_limits
 from particell.schemes.transport_velocity import TransportVelocity
 
 #: What a simulation can be moved by.
@@ -45,6 +46,25 @@ def initial_speed(
     if not isinstance(scheme, Static) and scheme.fluctuations:
         fastest += thermal_speed(phases, depth_factor)
     return fastest
+
+
+def flow_limits(
+    support: float, materials: Sequence[Fluid], scheme: Scheme, speed: float
+) -> list[StepLimits]:
+    """The limits of the time step for each material, at the smallest support in m."""
+    assert not isinstance(scheme, Static)
+    gravity = float(np.linalg.norm(scheme.gravity or 0.0))
+    return [
+        step_limits(
+            support,
+            m.sound_speed or 1.0,
+            speed,
+            max(m.viscosity, m.bulk_viscosity) / m.density,
+            gravity,
+            scheme.viscous_factor,
+        )
+        for m in materials
+    ]
 
 
 def thermal_speed(phases: Sequence[Phase], depth_factor: float) -> float:
@@ -82,6 +102,8 @@ def default_sound_speed(
     if isinstance(scheme, Static):
         return 1.0
     gravity = np.abs(scheme.gravity or np.zeros(domain.dim))
+    if gravity.shape != (domain.dim,):
+        raise InputError("gravity", scheme.gravity, f"{domain.dim} numbers")
     density = min(p.material.density for p in phases)
     head = float(np.max(gravity * domain.lengths))
     speed = initial_speed(phases, scheme, depth_factor, boundaries)

@@ -25,8 +25,8 @@ from particell import cases
 from particell.cases import execution
 from particell.cases.base import Case, Metric
 from particell.errors import InputError
-from particell.output.files import read_json, write_json
-from particell.output.run import CHECKPOINT, SUMMARY
+from particell.output.files import prepare_directory, read_json, write_json
+from particell.output.run import CHECKPOINT, OWN_FILES, SUMMARY
 
 #: Named groups of cases; a case that this version does not have is left out.
 GROUPS = {
@@ -216,7 +216,7 @@ def run_row(row: Row, place: Path, overwrite: bool, **options: Any) -> int:
             return 0 if all(m.passed for m in metrics.values()) else 1
         if (place / CHECKPOINT).is_file():
             return execution.resume(place, progress=options.get("progress", True))
-    execution.prepare_directory(place)
+    prepare_directory(place, *OWN_FILES)
     write_json(place / MARK, mark)
     return execution.execute(case, place, overwrite=True, **options)
 

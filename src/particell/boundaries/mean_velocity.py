@@ -11,13 +11,14 @@ the flow rate is the same through every cross-section, so that the mean over the
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
+from particell.checks import checked
 from particell.compute.loop import particle_loop
 from particell.errors import InputError
 
 
+@checked
 @dataclass(frozen=True)
 class MeanVelocity:
     """Keeps the mean velocity of the fluid along a periodic axis, by a uniform body force.
@@ -37,8 +38,8 @@ class MeanVelocity:
     axis: int = 0
 
     def __post_init__(self) -> None:
-        if not math.isfinite(self.velocity):
-            raise InputError("velocity", self.velocity, "finite")
+        if self.axis not in (0, 1, 2):
+            raise InputError("axis", self.axis, "0, 1 or 2")
 
 
 @particle_loop

@@ -24,6 +24,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from particell.checks import checked
 from particell.compute.loop import particle_loop
 from particell.errors import InputError
 
@@ -31,6 +32,7 @@ from particell.errors import InputError
 DIFFERENCE = 0.25
 
 
+@checked
 @dataclass(frozen=True)
 class WallMotion:
     """The motion of a wall as a rigid body; at t = 0 it is where its phase says.

@@ -10,12 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from particell.checks import checked
 from particell.compute.loop import particle_loop
 from particell.compute.rounding import nearest_integer
 from particell.errors import InputError
 from particell.geometry.shapes import Ball, HalfSpace
 
 
+@checked
 @dataclass(frozen=True)
 class Reflection:
     """Fluid particles stay outside a body.

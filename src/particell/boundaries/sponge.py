@@ -15,12 +15,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from particell.checks import checked, not_negative, positive
 from particell.compute.loop import particle_loop
 from particell.errors import InputError
 
 Field = Callable[[np.ndarray], np.ndarray]
 
 
+@checked
 @dataclass(frozen=True)
 class Sponge:
     """A zone in which the fluid is brought to given values.
@@ -50,8 +52,13 @@ class Sponge:
     exponent: float = 3.0
 
     def __post_init__(self) -> None:
-        if not self.time > 0:
-            raise InputError("time", self.time, "positive")
+        positive("time", self.time)
+        positive("exponent", self.exponent)
+        if self.axis not in (0, 1, 2):
+            raise InputError("axis", self.axis, "0, 1 or 2")
+        for name, target in self.species.items():
+            if not callable(target):
+                not_negative(f"target of {name} in Sponge", target)
         if self.start == self.end:
             raise InputError("end", self.end, "different from 'start'")
 

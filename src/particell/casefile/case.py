@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from particell.casefile import results
 from particell.casefile.boundaries import BoundaryTable, ForceTable
-from particell.casefile.checks import check_overlap, check_sound, check_steps
+from particell.casefile.checks import TOO_NEAR, check_sound, check_steps
 from particell.casefile.chemistry import InitialTable, ReactionTable, SpeciesTable
 from particell.casefile.constants import Constants
 from particell.casefile.domain import DomainTable, FluidTable
@@ -28,6 +28,7 @@ from particell.cases.base import Case, Context, Metric
 from particell.errors import InputError, unknown_name
 from particell.output.run import Run
 from particell.phases import Phase
+from particell.setup import check_overlap
 from particell.simulation import Simulation
 
 #: The tables of several kinds, by the key that they are at.
@@ -237,7 +238,7 @@ class FileCase(Case):
                     raise InputError("number of particles", 0, "at least one particle")
                 scope.phases |= {phase.name: phase for phase in made[k]}
         phases = [phase for k in range(len(self.phases)) for phase in made[k]]
-        check_overlap(scope.domain, phases)
+        check_overlap(scope.domain, phases, TOO_NEAR)
         return phases
 
     def analyse(self, run: Run, simulation: Simulation) -> dict[str, Metric]:

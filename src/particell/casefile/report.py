@@ -14,8 +14,8 @@ from particell.casefile.scope import BYTES_A_PARTICLE
 from particell.cases.base import Case, Context
 from particell.cases.execution import set_threads
 from particell.schemes.static import Static
-from particell.schemes.timestep import step_limits
 from particell.simulation import Simulation
+from particell.speeds import flow_limits
 
 #: Cases with more particles are counted, not built.
 MOST_BUILT = 300_000
@@ -81,13 +81,8 @@ def _limits(simulation: Simulation) -> dict[str, float]:
     if isinstance(scheme, Static):
         return simulation.chemistry.limits() if simulation.chemistry else {}
     h = float(simulation.particles.host("support").min())
-    gravity = float(np.linalg.norm(scheme.gravity or 0.0))
     limits: dict[str, float] = {}
-    for m in simulation.materials:
-        nu = max(m.viscosity, m.bulk_viscosity) / m.density
-        found = step_limits(
-            h, m.sound_speed or 1.0, simulation._speed, nu, gravity, scheme.viscous_factor
-        )
+    for found in flow_limits(h, simulation.materials, scheme, simulation._speed):
         limits[found.reason] = min(found.smallest, limits.get(found.reason, math.inf))
     return limits
 

@@ -8,12 +8,10 @@ from pydantic import Field, model_validator
 
 from particell.casefile.table import Name, Table, describes
 from particell.errors import InputError
-from particell.observers import SteadyState
+from particell.observers import MOST_FRAMES, SteadyState
 from particell.simulation import Simulation
 from particell.units import Number, Time
 
-#: More frames than any disk holds.
-MOST_FRAMES = 1e9
 _Duration = Annotated[Time, Field(gt=0)]
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import copy
-import os
 import re
 import tomllib
 from collections.abc import Mapping
@@ -15,15 +14,12 @@ from particell import cases
 from particell.cases.base import Case, Context, Metric
 from particell.errors import InputError, unknown_name
 from particell.output.checkpoint import read_checkpoint
-from particell.output.files import read_json, reason, write_json
-from particell.output.run import CHECKPOINT, SUMMARY, TRAJECTORY, Run
+from particell.output.files import prepare_directory, read_json, reason, write_json
+from particell.output.run import CASE, CHECKPOINT, OWN_FILES, SUMMARY, Run
 from particell.output.summary import write_summary
 
 if TYPE_CHECKING:
     from particell.simulation import Simulation
-
-CASE = "case.json"
-OWN_FILES = (TRAJECTORY, CHECKPOINT, SUMMARY, CASE)
 
 
 def execute(
@@ -74,7 +70,7 @@ def execute(
     refuse_used_directory(out, overwrite)
     # Built first too: a case that refuses its parameters should leave no directory behind.
     simulation = case.build(context)
-    directory = prepare_directory(out)
+    directory = prepare_directory(out, *OWN_FILES)
     write_json(directory / CASE, identity(case, context))
     return _finish(case, context, simulation, directory, progress, report)
 
@@ -202,27 +198,6 @@ def refuse_used_directory(out: str | Path, overwrite: bool) -> None:
     directory = Path(out)
     if directory.is_dir() and any(directory.iterdir()) and not overwrite:
         raise InputError("out", str(out), "a new or empty directory (or give --overwrite)")
-
-
-def prepare_directory(out: str | Path) -> Path:
-    """Make an output directory, without the files of an earlier run.
-
-    Raises
-    ------
-    InputError
-        Where it cannot be written to.
-    """
-    directory = Path(out)
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-        if not os.access(directory, os.W_OK | os.X_OK):
-            raise PermissionError("no permission to write")
-        for name in OWN_FILES:  # nothing but what is ours
-            (directory / name).unlink(missing_ok=True)
-    except OSError as error:
-        allowed = f"a directory that can be written to ({reason(error)})"
-        raise InputError("out", str(out), allowed) from None
-    return directory
 
 
 def set_threads(threads: int | None) -> None:

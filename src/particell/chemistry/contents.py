@@ -16,6 +16,8 @@ from particell.errors import InputError, unknown_name
 from particell.materials import AVOGADRO
 from particell.particles import Particles
 
+#: Whole numbers are exact up to here, in the floating-point numbers that counts pass through.
+MOST_MOLECULES = 2.0**53
 Values = float | np.ndarray | Callable[[np.ndarray], np.ndarray | float]
 
 
@@ -105,6 +107,9 @@ class Contents:
             self._overwrite("continuous", column, chosen, above)
             self._overwrite("count", column, above, np.zeros(p.n))
             chosen = chosen & ~above
+        if chosen.any() and expected[chosen].max() > MOST_MOLECULES:
+            allowed = f"at most {MOST_MOLECULES:g} a particle"
+            raise InputError(f"number of molecules of {name}", float(expected.max()), allowed)
         mask = self.device.array(chosen.astype(np.uint8))
         key0, key1 = self._initial_key
         self._round(p.n, self.device.array(expected), column, mask, key0, key1, p["count"])
@@ -116,8 +121,9 @@ class Contents:
             raise InputError("species", name, "one with molecules=True, to have its count set")
         chosen, numbers = self._values(name, values, group)
         whole = np.rint(numbers)
-        if (whole != numbers).any() or (whole < 0).any():
-            raise InputError(f"count of {name}", values, "whole numbers >= 0")
+        if not ((whole == numbers) & (whole >= 0) & (whole <= MOST_MOLECULES)).all():
+            allowed = f"whole numbers from 0 to {MOST_MOLECULES:g}"
+            raise InputError(f"count of {name}", values, allowed)
         every = np.zeros(self.particles.n)
         every[chosen] = whole
         self._overwrite("count", column, chosen, every)
@@ -203,4 +209,9 @@ class Contents:
             if not holds[[g.name for g in p.groups].index(group)]:
                 raise InputError(f"group of {name}", group, "one that holds the species")
         given = values(p.host("x")[chosen]) if callable(values) else values
-        return chosen, np.broadcast_to(np.asarray(given, float), (int(chosen.sum()),))
+        number = int(chosen.sum())
+        try:
+            return chosen, np.broadcast_to(np.asarray(given, float), (number,))
+        except (TypeError, ValueError):
+            allowed = f"a number, or {number} numbers, or a function that returns them"
+            raise InputError(f"values of {name}", given, allowed) from None

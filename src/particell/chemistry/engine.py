@@ -34,6 +34,9 @@ from particell.materials import AVOGADRO
 from particell.particles import Particles
 from particell.representation import block
 
+#: A particle with more reaction events in a step than this would be waited for in vain.
+MOST_EVENTS = 10**9
+
 
 class Chemistry(Contents):
     """Species and reactions on a set of particles.
@@ -134,6 +137,8 @@ class Chemistry(Contents):
         self._fields.update(
             alpha=normalisation(code, dim), depth=self.depth, quantum=1 / (self.depth * AVOGADRO)
         )
+        self._fields["most_events"] = MOST_EVENTS
+        self._time = math.nan
         receives = np.array([g.kind == "fluid" for g in particles.groups])
         self._amounts = table_fields(device, self.deterministic, receives)
         self._counts = table_fields(device, self.stochastic, receives)
@@ -180,7 +185,7 @@ class Chemistry(Contents):
 
     # --- the step ----------------------------------------------------------------------------
 
-    def step(self, step_index: int, tau: float) -> None:
+    def step(self, step_index: int, tau: float, time: float = math.nan) -> None:
         """Diffusion and reactions of all species during tau.
 
         Lie splitting: diffusion, then reactions; of first order in tau. Strang splitting:
@@ -194,8 +199,16 @@ class Chemistry(Contents):
             Number of the step; with the seed it fixes all random numbers.
         tau
             In s.
+        time
+            In s, for messages.
+
+        Raises
+        ------
+        RunError
+            Where reactions are too fast to be computed, naming a particle.
         """
         self._bind()
+        self._time = time
         n = self.particles.n
         for numbers in self._thresholds:
             self._switch_kind(n, *numbers, step_index)
@@ -290,19 +303,24 @@ class Chemistry(Contents):
             substeps = self.device.to_host(f["substeps"])
             self.substeps = int(substeps.max())
             if substeps.min() < 0:
-                first = int(np.argmin(substeps)) * n // lanes
-                raise RunError(
-                    "reactions could not be integrated (particles of this lane)",
-                    step=step,
-                    time=math.nan,
-                    field="amount",
-                    particle=int(self.particles.host("id")[first]),
-                )
+                row = -1 - int(substeps[substeps < 0][0])
+                self._fail("rates of reactions overflow, or are not finite", "amount", row, step)
         if self.stochastic.reactions:
             self._react_counts(n, tau, step, part)
             counter = f["event_counter"]
             self.events += int(self.device.to_host(counter)[:, 0].sum())
             self.device.write(counter, f["zero_counters"])
+            if self.device.to_host(f["broken"])[0]:
+                failed = self.device.to_host(f["failed"])
+                row = int(np.flatnonzero(failed)[0])
+                what = "propensities of reactions overflow, or are not finite"
+                if failed[row] == 2:
+                    what = f"more than {f['most_events']:.3g} reactions in one step"
+                self._fail(what, "count", row, step)
+
+    def _fail(self, message: str, field: str, row: int, step: int) -> None:
+        particle = int(self.particles.host("id")[row])
+        raise RunError(message, step=step, time=self._time, field=field, particle=particle)
 
     # --- binding -----------------------------------------------------------------------------
 

@@ -123,6 +123,8 @@ def explicit_step(w, n, tau, reactants, net, law, choose):
             fastest = 0.0
             for s in range(n):
                 fastest = max(fastest, abs(w[n + s]))
+                if not abs(w[n + s]) < math.inf:  # max() may overlook a NaN
+                    return -1
             if fastest == 0.0:
                 return 0
             if size == 0.0:
@@ -190,6 +192,8 @@ def integrate(w, n, tau, reactants, net, law, choose):
                     fastest = 0.0
                     for s in range(n):
                         fastest = max(fastest, abs(w[u + s]))
+                        if not abs(w[u + s]) < math.inf:
+                            return -1
                     if fastest == 0.0:
                         return 0
                     if size == 0.0:
@@ -286,7 +290,8 @@ def react(
     """Reactions during tau in the particles of a lane, one after the other.
 
     ``LAW(m, C, k)`` is the m-th user-given rate law; None where there is none.
-    ``substeps[lane]`` is the largest number of sub-steps, -1 where an integration failed.
+    ``substeps[lane]`` is the largest number of sub-steps, -1 - i where the integration failed in
+    particle i; the rest of the lane is left then.
     With ``SWITCH`` species that are molecules in this particle, and what involves them, are left
     out: see :mod:`particell.chemistry.switching`.
     """
@@ -294,10 +299,12 @@ def react(
     lanes = work.shape[0]
     w = work[row]
     most = 0
-    failed = False
+    failed = -1
     n = amount.shape[1]
     rates = 8 * n + n * n
     for i in range(row * rows // lanes, (row + 1) * rows // lanes):
+        if failed >= 0:
+            break
         for s in range(n):
             w[s] = amount[i, s] / volume[i]
         for r in range(rate.shape[1]):
@@ -312,7 +319,8 @@ def react(
         steps = explicit_step(w, n, tau, reactants, net, law, LAW)
         if steps < 0:
             steps = integrate(w, n, tau, reactants, net, law, LAW)
-        failed = failed or steps < 0
+        if steps < 0:
+            failed = i
         most = max(most, steps)
         if steps != 0:
             for s in range(n):
@@ -320,4 +328,4 @@ def react(
                     continue
                 change = w[s] - amount[i, s] / volume[i]
                 amount[i, s] = max(0.0, amount[i, s] + change * volume[i])
-    substeps[row] = -1 if failed else most
+    substeps[row] = -1 - failed if failed >= 0 else most

@@ -20,7 +20,7 @@ from particell.chemistry.reservoirs import (
     Reservoir,
 )
 from particell.chemistry.species import Species
-from particell.errors import InputError, unknown_name
+from particell.errors import InputError, shown, unknown_name
 from particell.particles import Group
 
 Boundaries = Sequence[Reservoir | FixedValueWall | FluxWall]
@@ -303,6 +303,7 @@ def _fill_reaction(
     if law is not None:
         if hasattr(law, "bind"):  # a formula with the species' names in it
             law = law.bind(tables.names)
+        _check_call(reaction, law, len(tables.names))
         tables.laws.append(law if hasattr(law, "py_func") else njit(law))
         tables.law[r] = len(tables.laws)
     else:
@@ -335,6 +336,23 @@ def _fill_reaction(
         raise InputError(
             "reaction", reaction.label, "between species that some group holds together"
         )
+
+
+def _check_call(reaction: Reaction, law: Any, species: int) -> None:
+    """Refuse a rate law or propensity that cannot be evaluated, or gives no number."""
+    own = reaction.rate_law is not None
+    numbers = np.ones(species, dtype=float if own else np.int64)
+    arguments = (numbers, 1.0) if own else (numbers, 1.0, 1.0)
+    function = getattr(law, "py_func", law)
+    try:
+        with np.errstate(all="ignore"):
+            float(function(*arguments))
+    except ArithmeticError:
+        pass  # at these numbers only, perhaps
+    except Exception as error:
+        name = "rate_law" if own else "propensity"
+        allowed = f"a function f({'C, k' if own else 'N, V, k'}) of numbers ({shown(error)})"
+        raise InputError(f"{name} of {reaction.label}", law, allowed) from None
 
 
 def _factors(side: Mapping[str, int]) -> Iterator[tuple[str, int]]:

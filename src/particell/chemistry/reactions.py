@@ -25,6 +25,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from particell.checks import checked
 from particell.chemistry.species import checked_rate, group_names
 from particell.errors import InputError
 from particell.representation import block, brief
@@ -66,6 +67,7 @@ def parse_reaction(equation: str) -> tuple[dict[str, int], dict[str, int], bool]
     raise InputError("reaction", equation, "two sides with one '->' or '<->' between them")
 
 
+@checked
 @dataclass(frozen=True, repr=False)
 class Reaction:
     """A reaction between species: concentrations, molecules, or both (mass action only).

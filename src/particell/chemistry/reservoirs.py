@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from particell.checks import checked
 from particell.chemistry.binomial import stochastic_round
 from particell.chemistry.species import checked_rate
 from particell.compute.loop import particle_loop
@@ -22,6 +23,7 @@ from particell.materials import AVOGADRO
 FREE, HELD, WALL_VALUE, WALL_FLUX = 0, 1, 2, 3
 
 
+@checked
 @dataclass(frozen=True)
 class Reservoir:
     """Particles in which species are kept at a value.
@@ -51,6 +53,7 @@ class Reservoir:
         _check_values(self)
 
 
+@checked
 @dataclass(frozen=True)
 class FixedValueWall:
     r"""A wall whose surface has fixed concentrations.
@@ -75,6 +78,7 @@ class FixedValueWall:
         _check_values(self)
 
 
+@checked
 @dataclass(frozen=True)
 class FluxWall:
     r"""A wall with a given flux, or with a flux in proportion to a difference (Neumann, Robin).

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from particell.checks import checked, is_number
 from particell.errors import InputError
 from particell.representation import block, brief
 
@@ -22,12 +22,12 @@ def group_names(key: str, only_in: str | Sequence[str] | None) -> tuple[str, ...
 
 def checked_rate(key: str, value: object) -> float:
     """A number that is finite and not negative."""
-    good = isinstance(value, int | float) and not isinstance(value, bool)
-    if not good or not 0 <= value < math.inf:  # type: ignore[operator]
+    if not is_number(value) or not value >= 0:  # type: ignore[operator]
         raise InputError(key, value, "a finite number >= 0")
     return float(value)  # type: ignore[arg-type]
 
 
+@checked
 @dataclass(frozen=True, repr=False)
 class Species:
     """A chemical species, as a concentration or as whole numbers of molecules.

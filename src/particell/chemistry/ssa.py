@@ -68,7 +68,8 @@ def propensity(
     """Events per second of reaction r: k (V 𝒩)^(1-order) times the falling factorials."""
     if choose is not None:  # noqa: SIM102 - decided at compile time
         if law[r] > 0:
-            return max(0.0, choose(law[r] - 1, count[i], volume, k))
+            given = choose(law[r] - 1, count[i], volume, k)
+            return 0.0 if given < 0.0 else given  # max() would make a 0 of a NaN
     molecules = net.shape[1]
     a = k
     for f in range(reactants.shape[1]):
@@ -131,6 +132,9 @@ def react(
     count,
     amount,
     event_counter,
+    most_events,
+    failed,
+    broken,
     *,
     LAW,
     MIXED,
@@ -139,8 +143,12 @@ def react(
     """Reactions of the molecules of particle i during tau; counts the events.
 
     ``LAW(m, N, V, k)`` is the m-th user-given propensity; None where there is none. ``part`` tells
-    apart the parts of one step. ``quantum`` is one molecule in mol per depth.
+    apart the parts of one step. ``quantum`` is one molecule in mol per depth. ``failed[i]`` is set
+    to 1 where the propensities are not finite, to 2 after ``most_events`` events: with either the
+    loop would not end. ``broken[0]`` then lets all particles stop; nothing else depends on it.
     """
+    if broken[0] != 0:
+        return
     g = group[i]
     space = volume[i] * depth
     c0 = np.uint64(id[i])
@@ -190,11 +198,14 @@ def react(
             if sweep == 0:
                 running = False
                 target = -1.0
-                if total > 0.0:
+                if not total < math.inf:
+                    failed[i] = 1
+                    broken[0] = 1
+                elif total > 0.0:
                     u, v = two_uniforms(c0, c1, c2, block, key0, key1)
                     block += 1
                     left += math.log(u) / total
-                    running = left > 0.0
+                    running = left > 0.0 and events < most_events
                     if running:
                         target = v * total
         if running:
@@ -207,5 +218,8 @@ def react(
                 for s in range(net_amount.shape[1]):
                     amount[i, s] += net_amount[chosen, s] * quantum
             events += 1
+    if events >= most_events:
+        failed[i] = 2
+        broken[0] = 1
     if events > 0:
         scatter_add(event_counter, 0, events)

@@ -74,6 +74,8 @@ def scratch_fields(
         "landed": zeros((threads, molecules), np.int64),
         "counters": zeros((threads, COUNTERS), np.int64),
         "event_counter": zeros((threads, COUNTERS), np.int64),
+        "failed": zeros(molecules if stochastic.reactions else 1, np.uint8),
+        "broken": zeros(1, np.uint8),
         "no_amount": zeros((1, 1), np.float64),
         "no_count": zeros((1, 1), np.int64),
         "no_continuous": zeros((1, 1), np.uint8),

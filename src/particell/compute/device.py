@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from particell.checks import checked
 from particell.compute.loop import Loop, particle_loop
 from particell.errors import InputError
 
@@ -29,6 +30,7 @@ def copy_rows(i, source, target, *, COLUMNS):
         target[i, c] = source[i, c]
 
 
+@checked
 class Device:
     """The machine that loops run on.
 

@@ -30,7 +30,8 @@ from particell.ensemble.jobs import (
 from particell.ensemble.results import ENSEMBLE, FAILURE, EnsembleRun, member
 from particell.errors import InputError, ParticellError
 from particell.observers import stop_requests
-from particell.output.files import plain, read_json, write_json
+from particell.output.files import plain, prepare_directory, read_json, write_json
+from particell.output.run import OWN_FILES
 
 if TYPE_CHECKING:
     from particell.simulation import Simulation
@@ -269,14 +270,11 @@ class Ensemble:
         raise InputError("out", str(directory), allowed)
 
     def _claim(self, directory: Path, overwrite: bool, processes: int | None) -> None:
-        from particell.cases.execution import prepare_directory
-
-        directory.mkdir(parents=True, exist_ok=True)
         if overwrite:
             for old in directory.glob("run-[0-9]*"):
-                prepare_directory(old)
+                prepare_directory(old, *OWN_FILES)
                 (old / FAILURE).unlink(missing_ok=True)
-        prepare_directory(directory)
+        prepare_directory(directory, *OWN_FILES)
         content = {
             **self._identity(),
             "runs": self.runs,

@@ -18,7 +18,8 @@ from particell.cases.base import Case, Context
 from particell.compute.threads import kept_threads
 from particell.errors import InputError, Interrupted
 from particell.output.checkpoint import read_checkpoint
-from particell.output.run import CHECKPOINT, SUMMARY
+from particell.output.files import prepare_directory
+from particell.output.run import CHECKPOINT, OWN_FILES, SUMMARY
 from particell.output.summary import write_summary
 
 if TYPE_CHECKING:
@@ -159,7 +160,7 @@ class FunctionJob:
         """See :class:`Job`."""
         execution.set_threads(self.threads)
         simulation = self.build(seed)
-        self._finish(simulation, seed, execution.prepare_directory(directory))
+        self._finish(simulation, seed, prepare_directory(directory, *OWN_FILES))
 
     def resume(self, seed: int, directory: Path) -> None:
         """See :class:`Job`."""

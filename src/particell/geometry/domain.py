@@ -6,11 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from particell.checks import checked
 from particell.errors import InputError
 
 AXES = "xyz"
 
 
+@checked
 class Domain:
     """A box in 1, 2 or 3 dimensions.
 

@@ -8,24 +8,33 @@ from itertools import pairwise
 import numpy as np
 from scipy.spatial import cKDTree
 
-from particell.errors import InputError
+from particell.checks import checked, finite, not_negative, positive
+from particell.errors import InputError, unknown_name
 from particell.geometry.domain import Domain
 from particell.geometry.shapes import Ball, Box, Shape
 
 #: Displacements in spacings: of a jittered lattice, and before packing.
 JITTER, SHAKEN = 0.1, 0.3
+ARRANGEMENTS = ("square", "hexagonal", "jittered", "packed")
+#: More points than anybody has memory for.
+MOST_POINTS = 1e10
 
 
 def fitting_spacing(domain: Domain, spacing: float) -> np.ndarray:
     """Spacings (dim,) nearest to ``spacing`` that divide the domain's edges evenly."""
-    if not spacing > 0:
-        raise InputError("spacing", spacing, "positive")
-    numbers = np.round(domain.lengths / spacing)
+    positive("spacing", spacing)
+    with np.errstate(over="ignore"):
+        numbers = np.round(domain.lengths / spacing)
+    if not numbers.prod() <= MOST_POINTS:
+        raise InputError(
+            "spacing", spacing, f"larger: more than {MOST_POINTS:g} particles fit in no memory"
+        )
     if np.any(numbers < 1):
         raise InputError("spacing", spacing, f"at most the shortest edge, {domain.lengths.min():g}")
     return domain.lengths / numbers
 
 
+@checked
 def lattice(
     domain: Domain, spacing: float, shape: Shape | None = None, kind: str = "square"
 ) -> np.ndarray:
@@ -74,11 +83,16 @@ def _hexagonal(domain: Domain, spacing: float) -> np.ndarray:
     return np.stack([x, y], axis=-1).reshape(-1, 2)
 
 
+@checked
 def jittered(points: np.ndarray, amplitude: float, seed: int) -> np.ndarray:
     """Points displaced by independent normal numbers of the given amplitude (m)."""
+    not_negative("amplitude", amplitude)
+    not_negative("seed", seed)
+    points = finite("points", points)
     return points + amplitude * np.random.default_rng(seed).standard_normal(points.shape)
 
 
+@checked
 def arranged(
     domain: Domain,
     spacing: float,
@@ -105,6 +119,9 @@ def arranged(
     ndarray
         Points (n, dim) in m; jittered and packed ones all stand for the same volume.
     """
+    if kind not in ARRANGEMENTS:
+        raise unknown_name("kind", kind, ARRANGEMENTS)
+    not_negative("seed", seed)
     points = lattice(domain, spacing, kind="hexagonal" if kind == "hexagonal" else "square")
     if kind not in ("jittered", "packed"):
         return points
@@ -121,6 +138,7 @@ def arranged(
     return packed(points, domain, spacing, fixed, keep_inside=room)
 
 
+@checked
 def rings(ball: Ball, inner: float, outer: float, spacing: float) -> tuple[np.ndarray, np.ndarray]:
     """Particles on concentric circles that fill the ring inner < r < outer of a circle.
 
@@ -140,6 +158,11 @@ def rings(ball: Ball, inner: float, outer: float, spacing: float) -> tuple[np.nd
     """
     if not 0 <= inner < outer:
         raise InputError("inner", inner, f"between 0 and 'outer' = {outer:g}")
+    positive("spacing", spacing)
+    if (outer / spacing) ** 2 > MOST_POINTS:
+        raise InputError(
+            "spacing", spacing, f"larger: more than {MOST_POINTS:g} particles fit in no memory"
+        )
     layers = max(1, round((outer - inner) / spacing))
     edges = np.linspace(inner, outer, layers + 1)
     points, volumes = [], []
@@ -156,6 +179,7 @@ def rings(ball: Ball, inner: float, outer: float, spacing: float) -> tuple[np.nd
     return np.concatenate(points), np.concatenate(volumes)
 
 
+@checked
 def around(
     domain: Domain,
     spacing: float,
@@ -181,6 +205,7 @@ def around(
     ndarray
         Points (n, dim) in m, sorted along the first axis.
     """
+    not_negative("reach", reach)
     everything = lattice(domain, spacing)
     gap = ball.signed_distance(everything)
     left_out = round(ball.volume(domain.dim) / spacing**domain.dim)
@@ -191,6 +216,7 @@ def around(
     return points[np.lexsort(points.T[::-1])]
 
 
+@checked
 def packed(
     points: np.ndarray,
     domain: Domain,
@@ -228,9 +254,16 @@ def packed(
     ndarray
         Points (n, D) in m.
     """
+    positive("spacing", spacing)
+    positive("iterations", iterations)
     support = 2.4 * spacing
-    moving = np.array(points, dtype=float)
+    not_negative("tolerance", tolerance)
+    moving = finite("points", points)
+    if moving.ndim != 2 or moving.shape[1] != domain.dim:
+        raise InputError("points", moving.shape, f"of shape (n, {domain.dim})")
     others = np.empty((0, domain.dim)) if fixed is None else np.asarray(fixed, dtype=float)
+    if not len(moving):
+        return moving
     for _ in range(iterations):
         everything = np.concatenate([moving, others])
         shift = np.zeros_like(moving)

@@ -12,9 +12,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from particell.checks import checked, finite, positive
 from particell.errors import InputError
 
 Points = Sequence[float] | np.ndarray
+
+
+def vector(key: str, values: Points) -> np.ndarray:
+    """1, 2 or 3 finite coordinates as an array."""
+    array = finite(key, values)
+    if array.ndim != 1 or not 1 <= len(array) <= 3:
+        raise InputError(key, values, "1, 2 or 3 numbers")
+    return array
 
 
 class Shape(ABC):
@@ -92,6 +101,7 @@ class _Complement(Shape):
         return f"~{self.shape!r}"
 
 
+@checked
 class Ball(Shape):
     """An interval in 1D, a circle in 2D, a sphere in 3D.
 
@@ -103,10 +113,9 @@ class Ball(Shape):
         In m, positive.
     """
 
-    def __init__(self, center: Sequence[float], radius: float):
-        if not radius > 0:
-            raise InputError("radius", radius, "positive")
-        self.center, self.radius = np.array(center, dtype=float), float(radius)
+    def __init__(self, center: Points, radius: float):
+        positive("radius", radius)
+        self.center, self.radius = vector("center", center), float(radius)
 
     def signed_distance(self, points: np.ndarray) -> np.ndarray:
         return np.linalg.norm(points - self.center, axis=1) - self.radius
@@ -127,6 +136,7 @@ class Sphere(Ball):
     """A sphere in space; see :class:`Ball`."""
 
 
+@checked
 class HalfSpace(Shape):
     """All points on one side of a plane.
 
@@ -139,10 +149,11 @@ class HalfSpace(Shape):
     """
 
     def __init__(self, point: Points, normal: Points):
-        self.point = np.array(point, dtype=float)
-        direction = np.array(normal, dtype=float)
+        self.point, direction = vector("point", point), vector("normal", normal)
+        if direction.shape != self.point.shape:
+            raise InputError("normal", normal, "as many numbers as 'point'")
         length = np.linalg.norm(direction)
-        if not length > 0:
+        if not 0 < length < math.inf:
             raise InputError("normal", normal, "different from zero")
         self.direction = direction / length
 
@@ -153,6 +164,7 @@ class HalfSpace(Shape):
         return f"HalfSpace({self.point.tolist()}, {self.direction.tolist()})"
 
 
+@checked
 class Box(Shape):
     """A box with edges along the axes.
 
@@ -162,9 +174,13 @@ class Box(Shape):
         Corners in m. Infinite numbers make slabs: ``Box((-inf, 0), (inf, H))``.
     """
 
-    def __init__(self, lower: Sequence[float], upper: Sequence[float]):
+    def __init__(self, lower: Points, upper: Points):
         self.lower, self.upper = np.array(lower, dtype=float), np.array(upper, dtype=float)
-        if np.any(self.upper <= self.lower):
+        if self.lower.ndim != 1 or not 1 <= len(self.lower) <= 3:
+            raise InputError("lower", lower, "1, 2 or 3 numbers")
+        if self.upper.shape != self.lower.shape:
+            raise InputError("upper", upper, "as many numbers as 'lower'")
+        if not np.all(self.upper > self.lower):  # false for a NaN
             raise InputError("upper", upper, f"greater than 'lower' = {self.lower.tolist()}")
 
     def signed_distance(self, points: np.ndarray) -> np.ndarray:

@@ -20,13 +20,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
+from particell.checks import checked
 from particell.compute.loop import particle_loop
-from particell.errors import InputError
 from particell.laws.pairs import image_offset, wall_weight
 
 
+@checked
 @dataclass(frozen=True)
 class Buoyancy:
     """A body force in proportion to the concentration of a species.
@@ -47,11 +46,6 @@ class Buoyancy:
     expansion: float
     gravity: tuple[float, ...]
     reference: float = 0.0
-
-    def __post_init__(self) -> None:
-        for name in ("expansion", "reference"):
-            if not np.isfinite(getattr(self, name)):
-                raise InputError(name, getattr(self, name), "finite")
 
 
 @particle_loop

@@ -42,6 +42,27 @@ def sync_directory(directory: Path) -> None:
         os.close(handle)
 
 
+def prepare_directory(out: str | Path, *names: str) -> Path:
+    """Make a directory for output, without the files of some names in it.
+
+    Raises
+    ------
+    InputError
+        Where it cannot be written to.
+    """
+    directory = Path(out)
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        if not os.access(directory, os.W_OK | os.X_OK):
+            raise PermissionError("no permission to write")
+        for name in names:
+            (directory / name).unlink(missing_ok=True)
+    except (OSError, ValueError) as error:  # a ValueError for a zero byte in the name
+        allowed = f"a directory that can be written to ({reason(error)})"
+        raise InputError("out", str(out), allowed) from None
+    return directory
+
+
 @contextlib.contextmanager
 def replacing(path: str | Path) -> Iterator[Path]:
     """Write a file anew without ever leaving a half-written one under its name.

@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 TRAJECTORY = "run.h5"
 CHECKPOINT = "checkpoint.h5"
 SUMMARY = "summary.json"
+CASE = "case.json"
+#: What a run leaves, figures apart.
+OWN_FILES = (TRAJECTORY, CHECKPOINT, SUMMARY, CASE)
 
 
 class Field:

@@ -14,6 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+from particell.checks import checked, not_negative
 from particell.compute.device import Device
 from particell.compute.neighbours import NeighbourList
 from particell.errors import InputError
@@ -29,6 +30,7 @@ DENSITIES = ("continuity", "summation")
 NOISES = ("bounded", "gaussian")
 
 
+@checked
 @dataclass(frozen=True)
 class SDPD:
     """Isothermal SDPD; what it is made of.
@@ -98,8 +100,10 @@ class SDPD:
         assert self.skin is not None
         if not 0 < self.skin <= 1:
             raise InputError("skin", self.skin, "between 0 and 1 supports")
-        if self.density_diffusion is not None and not self.density_diffusion >= 0:
-            raise InputError("density_diffusion", self.density_diffusion, "zero or positive")
+        if self.density_diffusion is not None:
+            not_negative("density_diffusion", self.density_diffusion)
+        not_negative("reference_speed", self.reference_speed)
+        not_negative("pressure_drop", self.pressure_drop)
         if not 0 <= self.shifting <= 2:
             raise InputError("shifting", self.shifting, "between 0 and 2")
         if self.shifting and (self.fluctuations or self.integrator == "trapezoidal"):

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from particell.checks import checked
 from particell.compute.device import Device
 from particell.compute.neighbours import NeighbourList
+from particell.errors import InputError
 from particell.geometry.domain import Domain
 from particell.materials import Fluid
 from particell.particles import Particles
 from particell.schemes.checks import check_kernel
 
 
+@checked
 @dataclass(frozen=True)
 class Static:
     """No flow: particles keep their places and densities.
@@ -31,6 +34,8 @@ class Static:
 
     def __post_init__(self) -> None:
         check_kernel(self.kernel, self.support)
+        if not 0 < self.skin <= 1:
+            raise InputError("skin", self.skin, "between 0 and 1 supports")
 
     def solver(
         self,

@@ -17,6 +17,8 @@ import numpy as np
 
 from particell.errors import InputError
 
+#: More steps than anybody waits for.
+MOST_STEPS = 1e12
 COURANT = 0.25
 VISCOUS = 0.05
 #: The trapezoidal rule with noise is 3 % cold at 0.02 h²ρ/η: equipartition asks for less.
@@ -46,6 +48,18 @@ class StepLimits:
     def reason(self) -> str:
         """Which limit is the smallest."""
         return min(("sound", "viscosity", "acceleration"), key=lambda name: getattr(self, name))
+
+
+def check_number_of_steps(dt: float, span: float) -> None:
+    """Refuse more steps of dt in a span of time (both in s) than anybody waits for.
+
+    Raises
+    ------
+    InputError
+        Naming ``dt`` and what it has to be.
+    """
+    if not (0 < dt < math.inf and span <= MOST_STEPS * dt):
+        raise InputError("dt", dt, f"at least {span / MOST_STEPS:.3g} s, for {span:g} s to be run")
 
 
 def step_limits(

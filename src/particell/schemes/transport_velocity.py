@@ -13,6 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+from particell.checks import checked, not_negative
 from particell.compute.device import Device
 from particell.compute.neighbours import NeighbourList
 from particell.errors import InputError
@@ -25,6 +26,7 @@ from particell.schemes.transport_rates import FORMS, PRESSURE_FORCES
 from particell.schemes.transport_velocity_solver import TransportVelocitySolver
 
 
+@checked
 @dataclass(frozen=True)
 class TransportVelocity:
     """Isothermal flow by particles that a transport velocity keeps evenly spread.
@@ -119,8 +121,10 @@ class TransportVelocity:
             raise InputError("pressure_force", self.pressure_force, allowed)
         if self.pressure_force == "difference" and self.pressure_switch:
             raise InputError("pressure_switch", True, "False with pressure_force 'difference'")
-        if not (isinstance(self.filter_every, int) and self.filter_every >= 0):
+        if not self.filter_every >= 0:
             raise InputError("filter_every", self.filter_every, "a whole number, zero or more")
+        not_negative("reference_speed", self.reference_speed)
+        not_negative("pressure_drop", self.pressure_drop)
         if not 0 < self.skin <= 1:
             raise InputError("skin", self.skin, "between 0 and 1 supports")
 

@@ -249,7 +249,8 @@ def write_page(base: Path, rows: Sequence[Row], status: Sequence[int], command: 
                 summary = read_json(place / SUMMARY, "summary")
                 result |= {key: summary[key] for key in ("metrics", "performance", "version")}
                 lines += table_rows(row, metrics_of(place))
-                pictures += [(row, path) for path in sorted(place.glob("*.png"))[:1]]
+                drawn = sorted(place.glob("*.png"), key=lambda path: path.stat().st_mtime_ns)
+                pictures += [(row, path) for path in drawn[:1]]  # what the case draws first
             else:
                 lines.append(f"| {row.settings or 'default'} | did not finish | | | | no |")
             results.append(result)

@@ -13,6 +13,7 @@ import pytest
 from sybil import Sybil
 from sybil.parsers.markdown import PythonCodeBlockParser, SkipParser
 
+from particell import cases
 from particell.cases.execution import execute
 from particell.compute.device import Device
 from particell.geometry.shapes import Box
@@ -76,6 +77,19 @@ def test_how_to_add_a_boundary(tmp_path):
     v, walls = np.ones((2, 2)), np.zeros(2, np.uint8)
     Device().bind(page.resist, {"v": v, "is_wall": walls, "inside": inside}, DIM=2)(2, 0.5)
     assert v.tolist() == [[0.5, 0.5], [1.0, 1.0]]
+
+
+@pytest.mark.parametrize("case", cases.names())
+def test_every_case_is_in_the_gallery(case):
+    page = (DOCS / f"gallery/{case}.md").read_text(encoding="utf-8")
+    assert f"particell run {case} " in page
+    figures = re.findall(r"!\[[^]]+\]\(\.\./images/([^)]+)\)", page)
+    assert figures
+    small = (DOCS / f"images/small/{case}.png").stat().st_size
+    assert 0 < small < 30e3
+    assert "| --- | --- |" in page  # numbers
+    index = (DOCS / "gallery/index.md").read_text(encoding="utf-8")
+    assert f"[{case}]({case}.md)" in index
 
 
 @pytest.mark.filterwarnings("ignore")

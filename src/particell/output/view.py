@@ -59,7 +59,9 @@ def view(
     if arrows:
         plotter.add_mesh(_arrows(cloud, run, k, chosen, spacing), **style)
     elif cloud.n_points <= MOST_SPHERES:
-        ball = pyvista.Sphere(0.5 * DIAMETER * spacing, theta_resolution=12, phi_resolution=12)
+        ball = pyvista.Sphere(
+            radius=0.5 * DIAMETER * spacing, theta_resolution=12, phi_resolution=12
+        )
         plotter.add_mesh(cloud.glyph(geom=ball, scale=False, orient=False), **style)
     else:
         plotter.add_mesh(cloud, render_points_as_spheres=True, point_size=6, **style)

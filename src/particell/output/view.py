@@ -55,7 +55,12 @@ def view(
     plotter: Any = pyvista.Plotter(
         off_screen=path is not None if off_screen is None else off_screen
     )
-    style: dict[str, Any] = {"scalars": name, "cmap": colours, "clim": limits}
+    style: dict[str, Any] = {
+        "scalars": name,
+        "cmap": colours,
+        "clim": limits,
+        "scalar_bar_args": {"vertical": True, "position_x": 0.87, "position_y": 0.25},
+    }
     if arrows:
         plotter.add_mesh(_arrows(cloud, run, k, chosen, spacing), **style)
     elif cloud.n_points <= MOST_SPHERES:
@@ -68,8 +73,9 @@ def view(
     lower, upper = (_in_space(x[None] / factor)[0] for x in (run.domain.lower, run.domain.upper))
     box = pyvista.Box(np.column_stack([lower, upper]).ravel())
     plotter.add_mesh(box, style="wireframe", color="grey", line_width=1)
-    axes = {f"{a}title": f"{a} [{unit}]" for a in "xyz"}
-    plotter.show_bounds(mesh=box, grid=False, font_size=9, bold=False, **axes)
+    # VTK's own letters have no µ.
+    axes = {f"{a}title": f"{a} [{unit.replace('µ', 'u')}]" for a in "xyz"}
+    plotter.show_bounds(mesh=box, grid=False, location="outer", font_size=9, bold=False, **axes)
     plotter.add_text(run.title(k), font_size=9)
     plotter.set_background("white")
     if run.domain.dim < 3:

@@ -3,6 +3,7 @@
 #   make demo     the yeast channel, with trajectory, figures and summary in out/yeast
 #   make test     lint, types and all tests
 #   make docs     this program's documentation, as a web site in site/
+#   make notebooks   executes the notebooks in docs/notebooks and keeps what they show
 #   make clean    removes what these targets have made
 #
 # Another interpreter:  make PYTHON=python3.13 demo
@@ -17,7 +18,7 @@ PYTEST_FLAGS ?= -n auto --maxprocesses 4 --dist worksteal
 BIN = $(VENV)/bin
 PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: demo test lint types tests docs docs-tools clean
+.PHONY: demo test lint types tests docs docs-tools notebooks clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/.run
@@ -41,8 +42,11 @@ docs: $(VENV)/.docs
 
 docs-tools: $(VENV)/.docs
 
+notebooks: $(VENV)/.test
+	$(BIN)/python docs/notebooks/execute.py
+
 clean:
-	rm -rf .venv site out/yeast build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf .venv site .cache out/yeast build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
 
 # The environment is made once, and again where pyproject.toml has changed: the files below say so.
 

@@ -141,5 +141,41 @@ def test_wrong_input_to_statistics(result, tmp_path):
 
 def test_plot(result, tmp_path):
     result.plot(path=tmp_path / "all.png")
-    result.plot("amount_A", path=tmp_path / "one.png")
+    figure = result.plot.series("amount_A", path=tmp_path / "one.png")
     assert (tmp_path / "all.png").stat().st_size > 0
+    assert (tmp_path / "one.png").stat().st_size > 0
+    (line,) = figure.axes[0].lines
+    assert np.allclose(line.get_ydata(), result.mean("amount_A", None))
+    assert figure.axes[0].get_ylabel() == "amount A [molecules]"
+
+
+def test_plot_histogram(result):
+    figure = result.plot.histogram("amount_A", reference={"flat": lambda n: 0 * n + 0.1})
+    (bars,) = figure.axes[0].patches
+    totals = [run.observable("amount_A")[-1] for run in result.runs]
+    shares, edges = bars.get_data().values, bars.get_data().edges
+    assert np.allclose(shares * np.diff(edges) * len(totals), np.histogram(totals, edges)[0])
+    assert np.all(edges % 1 == 0.5)
+    assert figure.axes[0].get_xlabel() == "amount A [molecules]"
+    assert np.allclose(figure.axes[0].lines[0].get_ydata(), 0.1)
+    by_particle = result.plot.histogram("count/A", frame=0).axes[0].patches[0].get_data()
+    assert np.sum(by_particle.values * np.diff(by_particle.edges)) == pytest.approx(1)
+    with pytest.raises(InputError, match="count/A"):
+        result.plot.histogram("count/a")
+
+
+def test_plot_line(result):
+    options = {"points": [[3.2], [5.7]], "frame": -1}
+    expected = result.moments("count/A", **options)
+    figure = result.plot.line("count/A", (3.2,), (5.7,), points=2)
+    (line,) = figure.axes[0].lines
+    assert np.allclose(line.get_ydata(), expected.mean)
+    (band,) = figure.axes[0].collections
+    corners = band.get_paths()[0].vertices[:, 1]
+    assert corners.max() == pytest.approx((expected.mean + expected.deviation).max())
+
+
+def test_table(result):
+    text = result._repr_html_()
+    assert f"{len(result)} of" in text
+    assert "count/A" in text

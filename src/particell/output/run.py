@@ -11,13 +11,15 @@ import numpy as np
 
 from particell.errors import InputError
 from particell.geometry.domain import Domain
+from particell.output.field import Field
 from particell.output.files import read_json
-from particell.output.sources import FileSource, Index, MemorySource, Source, known
+from particell.output.sources import FileSource, MemorySource, Source, known
 from particell.representation import block, shown, table
 from particell.units import field_unit, length_scale, observable_unit, time_scale
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    import pyvista
+    import xarray as xr
 
     from particell.output.run_plots import RunPlots
 
@@ -27,56 +29,6 @@ SUMMARY = "summary.json"
 CASE = "case.json"
 #: What a run leaves, figures apart.
 OWN_FILES = (TRAJECTORY, CHECKPOINT, SUMMARY, CASE)
-
-
-class Field:
-    """One field over all frames: an array (frames, n) or (frames, n, D) that is read as needed.
-
-    ``run.field("velocity")[-1]`` reads the last frame, ``field[10:, mask]`` some particles of
-    some frames, ``numpy.asarray(field)`` everything.
-    """
-
-    def __init__(self, run: Run, name: str):
-        self.run, self.name = run, name
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """(frames, n) or (frames, n, D)."""
-        return self.run.source.shape(self.name)[0]
-
-    @property
-    def dtype(self) -> np.dtype:
-        """Type of the values."""
-        return self.run.source.shape(self.name)[1]
-
-    @property
-    def ndim(self) -> int:
-        """Number of axes."""
-        return len(self.shape)
-
-    def __len__(self) -> int:
-        return self.shape[0]
-
-    def __getitem__(self, index: Index) -> np.ndarray:
-        return self.run.source.read(self.name, index)
-
-    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
-        return np.asarray(self[:], dtype)
-
-    def __repr__(self) -> str:
-        return f"Field({self.name!r}, shape={self.shape}, dtype={self.dtype})"
-
-    def on_line(self, start, end, points: int = 101, frame: int = -1, **options: Any) -> np.ndarray:
-        """As :meth:`Run.on_line`."""
-        return self.run.on_line(self.name, start, end, points, frame, **options)
-
-    def on_grid(self, shape, frame: int = -1, **options: Any) -> np.ndarray:
-        """As :meth:`Run.on_grid`."""
-        return self.run.on_grid(self.name, shape, frame, **options)
-
-    def plot(self, frame: int = -1, **options: Any) -> Figure:
-        """As :meth:`.RunPlots.scatter`."""
-        return self.run.plot.scatter(self.name, frame, **options)
 
 
 class Run:
@@ -315,6 +267,88 @@ class Run:
         from particell.output.run_plots import RunPlots
 
         return RunPlots(self)
+
+    def to_xarray(
+        self,
+        *names: str,
+        frames: slice | Sequence[int] | None = None,
+        groups: str | Sequence[str] | None = None,
+        grid: int | Sequence[int] | None = None,
+        line: tuple[Sequence[float], Sequence[float]] | None = None,
+        points: int = 101,
+        **options: Any,
+    ) -> xr.Dataset:
+        """Fields and observables as an xarray Dataset (extra ``xarray``).
+
+        Fields are read, or interpolated, when their values are asked for and not kept: select
+        first, then ``load()``. The units are in the variables' attributes; the slash of
+        ``"concentration/L"`` becomes an underscore.
+
+        Parameters
+        ----------
+        names
+            The fields (default: all).
+        frames
+            Numbers, or a slice; by default all that there are now.
+        groups
+            A group of particles or several.
+        grid
+            Cells along each axis: dimensions (time, x, y, …) instead of (time, particle).
+        line
+            Its two ends in m: dimensions (time, distance), with ``points`` equally spaced ones.
+        **options
+            Of the interpolation, as for :meth:`on_points`.
+
+        Raises
+        ------
+        InputError
+            For unknown names, and where xarray is missing.
+        """
+        from particell.output.dataset import dataset
+
+        return dataset(self, names, frames, groups, grid, line, points, options)
+
+    def view(
+        self,
+        what: str | np.ndarray = "group",
+        frame: int = -1,
+        *,
+        groups: str | Sequence[str] | None = None,
+        component: int | str | None = None,
+        arrows: bool = False,
+        limits: tuple[float, float] | None = None,
+        colours: str = "viridis",
+        path: str | Path | None = None,
+        off_screen: bool | None = None,
+    ) -> pyvista.Plotter:
+        """The particles in 3D as spheres, or arrows along their velocities (extra ``viz``).
+
+        Parameters
+        ----------
+        what, groups, component, limits, colours
+            As for :class:`~particell.output.run_plots.RunPlots`.
+        frame
+            Which frame.
+        arrows
+            Whether to show velocities.
+        path
+            Write the picture to this PNG file.
+        off_screen
+            Whether no window is to be used (default: where there is a ``path``).
+
+        Returns
+        -------
+        pyvista.Plotter
+            Its ``show()`` opens a window, or the view in a notebook.
+
+        Raises
+        ------
+        InputError
+            For unknown names, and where pyvista is missing.
+        """
+        from particell.output.view import view
+
+        return view(self, what, frame, groups, component, arrows, limits, colours, path, off_screen)
 
     def _volume(self, frame: int) -> np.ndarray:
         """Volumes of the particles, up to a factor (particles at rest have no density field)."""

@@ -7,7 +7,6 @@ a machine only ever slows a measurement down.
 
 from __future__ import annotations
 
-import json
 import math
 import time
 from collections.abc import Callable
@@ -20,6 +19,7 @@ from particell.chemistry.species import Species
 from particell.compute.threads import set_threads
 from particell.geometry.domain import Domain
 from particell.materials import BOLTZMANN, Fluid
+from particell.output.files import write_json
 from particell.phases import box_walls, fluid
 from particell.schemes.sdpd import SDPD
 from particell.schemes.sdpd_solver import SDPDSolver
@@ -235,5 +235,5 @@ def main(json_file: str | Path | None = None) -> list[dict[str, Any]]:
             f"{row['per_second'] / 1e6:8.2f} M/s{extra}"
         )
     if json_file is not None:
-        Path(json_file).write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+        write_json(json_file, rows)
     return rows

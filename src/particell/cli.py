@@ -270,12 +270,17 @@ def parse_settings(settings: Sequence[str]) -> dict[str, Any]:
 def guarded(directory: Path, action: Callable[[], int]) -> int:
     """Run something in a directory; where it breaks, say how to go on. Gives the exit status."""
     from particell.output.files import OutputError
-    from particell.output.run import CHECKPOINT
+    from particell.output.run import CASE, CHECKPOINT
 
     try:
         return action()
     except Interrupted as error:
         click.echo(_one_line(error), err=True)  # says how to go on
+        return INTERRUPTED
+    except KeyboardInterrupt:
+        if not (directory / CASE).exists():
+            raise  # nothing has begun
+        click.echo(f"interrupted; go on with: particell resume {directory}", err=True)
         return INTERRUPTED
     except (RunError, OutputError) as error:
         click.echo(f"the run broke: {_one_line(error)}", err=True)

@@ -31,11 +31,28 @@ def state_of(simulation: Simulation) -> dict[str, Any]:
         "wall_seconds": s._wall_seconds,
         "compile_seconds": s._compile_seconds,
         "seed": s.seed,
+        "description": description(s),
         "first_momentum": s._first_momentum,
         "first_totals": dict(s._first_totals),
         "volume_drift": getattr(s.solver, "volume_drift", None),
         "events": chemistry.events if chemistry else 0,
         "jumps": chemistry.jumps if chemistry else 0,
+    }
+
+
+def description(simulation: Simulation) -> dict[str, str]:
+    """What a simulation was made of, as text that is the same for the same description."""
+    s = simulation
+    chemistry = s.chemistry
+    return {
+        "domain": repr(s.domain),
+        "materials": repr(s.materials),
+        "scheme": repr(s.scheme),
+        "precision": str(s.device.real),
+        "species": repr([*chemistry.species.values()] if chemistry else []),
+        "rates": repr([[t.rate.tolist(), t.value.tolist()] for t in chemistry.tables])
+        if chemistry
+        else "[]",
     }
 
 
@@ -50,6 +67,10 @@ def restore(simulation: Simulation, state: dict[str, Any]) -> None:
     )
     if not same or state["seed"] != s.seed:
         raise InputError("checkpoint", "other particles, fields or seed", "of this simulation")
+    now = description(s)
+    for part, text in state.get("description", now).items():
+        if now.get(part) != text:
+            raise InputError(f"{part} of the checkpoint", text, f"as now: {now.get(part)}")
     for name, values in fields.items():
         s.particles.set(name, values)
     s.neighbours.restore(state["capacity"], state["builds"], state["list"])

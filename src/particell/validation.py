@@ -25,7 +25,7 @@ from particell import cases
 from particell.cases import execution
 from particell.cases.base import Case, Metric
 from particell.errors import InputError
-from particell.output.files import prepare_directory, read_json, write_json
+from particell.output.files import prepare_directory, read_json, replacing, write_json
 from particell.output.run import CHECKPOINT, OWN_FILES, SUMMARY
 
 #: Named groups of cases; a case that this version does not have is left out.
@@ -260,7 +260,8 @@ def write_page(base: Path, rows: Sequence[Row], status: Sequence[int], command: 
             shutil.copyfile(path, page / name)
             lines += [f"![{kind.name} {row.settings}]({name})"]
         lines.append("")
-    (page / "index.md").write_text("\n".join(lines).rstrip() + "\n", encoding="utf-8")
+    with replacing(page / "index.md") as partial:
+        partial.write_text("\n".join(lines).rstrip() + "\n", encoding="utf-8")
     write_json(page / "results.json", {"command": command, "machine": machine(), "rows": results})
     return page / "index.md"
 

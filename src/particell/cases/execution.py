@@ -15,7 +15,7 @@ from particell.cases.base import Case, Context, Metric
 from particell.errors import InputError, unknown_name
 from particell.output.checkpoint import read_checkpoint
 from particell.output.files import prepare_directory, read_json, reason, write_json
-from particell.output.run import CASE, CHECKPOINT, OWN_FILES, SUMMARY, Run
+from particell.output.run import CASE, CHECKPOINT, OWN_FILES, SUMMARY, TRAJECTORY, Run
 from particell.output.summary import write_summary
 
 if TYPE_CHECKING:
@@ -92,11 +92,29 @@ def go_on(
     case: Case, context: Context, directory: Path, progress: bool = True, report: bool = True
 ) -> int:
     """:func:`resume` with the case and how it is run given."""
-    state, _ = read_checkpoint(directory / CHECKPOINT)
+    started = not _stopped_at_once(directory)
+    state, _ = read_checkpoint(directory / CHECKPOINT) if started else ({}, {})
     set_threads(context.threads)
     simulation = case.build(context)
-    simulation.restore(state)
+    if started:
+        simulation.restore(state)
+    else:
+        prepare_directory(directory, TRAJECTORY)
+        if report:
+            print("it was stopped before its first checkpoint: it starts anew")
     return _finish(case, context, simulation, directory, progress, report)
+
+
+def _stopped_at_once(directory: Path) -> bool:
+    """Whether a run was stopped before its first checkpoint, which follows its first frame."""
+    if (directory / CHECKPOINT).exists():
+        return False
+    if not (directory / TRAJECTORY).exists():
+        return True
+    try:
+        return len(Run(directory)) <= 1
+    except InputError:  # it may hold anything
+        return False
 
 
 def replot(directory: str | Path) -> list[Path]:
@@ -114,10 +132,16 @@ def read_case(directory: str | Path) -> tuple[Case, Context]:
     found = read_json(path, "case")
     try:
         name, reference = found["case"], found.get("class")
-        parameters, context = found["parameters"], Context(**found["context"])
-    except (KeyError, TypeError) as error:
-        raise InputError("case", str(path), f"a case file of particell ({error})") from None
-    return case_class(name, reference)(**parameters), context
+        parameters, context = dict(found["parameters"]), Context(**found["context"])
+        kind = case_class(str(name), reference)
+    except InputError:
+        raise
+    except (LookupError, TypeError, ValueError, AttributeError, ImportError) as error:
+        allowed = f"a case file of particell ({type(error).__name__}: {reason(error)})"
+        raise InputError("case", str(path), allowed) from None
+    if not isinstance(context.seed, int):
+        raise InputError("seed", context.seed, "a whole number")
+    return kind(**parameters), context
 
 
 def case_class(name: str, reference: str | None) -> type[Case]:

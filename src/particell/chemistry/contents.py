@@ -51,7 +51,7 @@ class Contents:
     ):
         self.device, self.particles, self.depth = device, particles, depth
         self.species = {s.name: s for s in species}
-        self.deterministic, self.stochastic = tables
+        self.tables = self.deterministic, self.stochastic = tables
         self._reduction = Reduction(device)
         self._initial_key = tuple(stream_key(seed, INITIAL))
         self._round = device.bind(reservoirs.round_counts, {"id": particles["id"]})

@@ -80,13 +80,16 @@ def read_checkpoint(path: str | Path) -> tuple[dict[str, Any], dict[str, Any]]:
     """
     path = Path(path)
     if not path.is_file():
-        raise CheckpointError(f"there is no checkpoint {path}")
+        how = "start the run again (particell run … --overwrite)"
+        raise CheckpointError(f"there is no checkpoint {path}: {how}")
     try:
         with h5py.File(path, "r") as file:
             _check_format(path, file)
             tree = json.loads(file["tree"][()])
             return _decode(tree["state"], file), _decode(tree["meta"], file)
-    except (OSError, KeyError, RuntimeError) as error:
+    except CheckpointError:
+        raise
+    except Exception as error:  # bytes that are anything make HDF5 and JSON say anything
         raise CheckpointError(
             f"checkpoint {path} is damaged or no checkpoint: {reason(error)}"
         ) from error

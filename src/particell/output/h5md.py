@@ -23,7 +23,7 @@ import numpy as np
 
 from particell.errors import InputError
 from particell.geometry.domain import Domain
-from particell.output.files import reason
+from particell.output.files import OutputError, reason
 from particell.units import field_unit
 
 # The oldest format that has SWMR, so that programs with an older HDF5 library can read the file.
@@ -53,12 +53,21 @@ def open_trajectory(path: str | Path) -> Iterator[h5py.File]:
         raise InputError("trajectory", str(path), "an existing file")
     try:
         file = h5py.File(path, "r", libver=LIBVER, swmr=True)
-    except OSError as error:
+    except (OSError, RuntimeError) as error:
         raise InputError("trajectory", str(path), f"an HDF5 file ({reason(error)})") from None
     with file:
-        if "h5md" not in file or PARTICLES not in file:
-            raise InputError("trajectory", str(path), f"an H5MD file with a group '{PARTICLES}'")
-        yield file
+        try:
+            if "h5md" not in file or PARTICLES not in file:
+                allowed = f"an H5MD file with a group '{PARTICLES}'"
+                raise InputError("trajectory", str(path), allowed)
+            if int(file["h5md"].attrs["version"][0]) > 1:
+                raise InputError("trajectory", str(path), "of version 1 of H5MD, not a newer one")
+            yield file
+        except (InputError, OutputError):
+            raise
+        except (OSError, RuntimeError, LookupError, TypeError, AttributeError) as error:
+            allowed = f"whole: it is damaged ({reason(error)})"
+            raise InputError("trajectory", str(path), allowed) from None
 
 
 def element_names(group: h5py.Group) -> list[str]:

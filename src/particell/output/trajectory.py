@@ -111,8 +111,11 @@ class TrajectoryWriter:
     def sync(self) -> None:
         """Wait until the frames are on the disk (before a checkpoint that relies on them)."""
         if self._file is not None:
-            self._file.flush()
-            os.fsync(self._file.id.get_vfd_handle())
+            try:
+                self._file.flush()
+                os.fsync(self._file.id.get_vfd_handle())
+            except (OSError, RuntimeError) as error:
+                raise OutputError(f"cannot write {self.path}: {reason(error)}") from error
 
     def close(self) -> None:
         """Close the file; ordinary HDF5 programs can read it from now on."""
@@ -158,8 +161,13 @@ class TrajectoryWriter:
                 raise InputError("trajectory", str(path), f"a file with a frame up to step {step}")
             writer = cls.__new__(cls)
             writer.path, writer._file, writer._frames = path, None, keep
-            with writer._replacing() as target:
-                copy_group(source, target, keep, {})
+            try:
+                with writer._replacing() as target:
+                    copy_group(source, target, keep, {})
+            except (OSError, RuntimeError) as error:
+                if isinstance(error, OutputError) or "write" not in str(error):
+                    raise  # of reading: the old file is damaged
+                raise OutputError(f"cannot write {path}: {reason(error)}") from error
         return writer
 
     def _create(self, frame: Mapping[str, np.ndarray], observables: Mapping[str, float]) -> None:

@@ -1,0 +1,255 @@
+"""Files that are damaged, foreign, newer or in the way: one line, which file, and status 2 or 3."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import shlex
+import signal
+
+import h5py
+import numpy as np
+import pytest
+
+from particell import cases
+from particell.cli import call
+from particell.errors import InputError
+from particell.output.checkpoint import read_checkpoint, write_checkpoint
+from particell.output.files import CheckpointError, OutputError
+from particell.output.run import Run
+
+
+@pytest.fixture(autouse=True)
+def walk(monkeypatch, tmp_path):
+    monkeypatch.setattr(cases, "CASES", {"walk": ("fake_case:Walk", "Random walkers")})
+    monkeypatch.chdir(tmp_path)
+
+
+def says(capsys, line: str, status: int) -> str:
+    """What a command line writes to stderr, which is one line without a traceback."""
+    capsys.readouterr()
+    assert call(shlex.split(line)) == status
+    error = capsys.readouterr().err.strip()
+    assert error and "\n" not in error and "Traceback" not in error
+    return error
+
+
+@pytest.fixture
+def half(tmp_path):
+    """The directory of a run that stopped in the middle, and what its files hold."""
+    assert call(["run", "walk", "--out", "half", "--set", "interrupt_at=6"]) == 130
+    place = tmp_path / "half"
+    case = json.loads((place / "case.json").read_text())
+    case["parameters"]["interrupt_at"] = -1
+    (place / "case.json").write_text(json.dumps(case))
+    return place, {p.name: p.read_bytes() for p in place.iterdir()}
+
+
+def lengths(whole: bytes, number: int = 25):
+    """Lengths to cut a file to, small ones and almost all of it among them."""
+    return sorted(
+        {0, 1, 8, 100, len(whole) - 1, *np.linspace(0, len(whole) - 2, number).astype(int)}
+    )
+
+
+def test_truncated_checkpoints(half, capsys):
+    place, files = half
+    for length in lengths(files["checkpoint.h5"]):
+        (place / "checkpoint.h5").write_bytes(files["checkpoint.h5"][:length])
+        assert "checkpoint half/checkpoint.h5 is damaged" in says(capsys, "resume half", 2)
+    assert (place / "run.h5").read_bytes() == files["run.h5"]  # and nothing else was touched
+    (place / "checkpoint.h5").write_bytes(files["checkpoint.h5"])
+    assert call(["resume", "half"]) == 0
+
+
+def test_truncated_trajectories(half, capsys):
+    """With a good checkpoint: refused, or whole up to the checkpoint; never a wrong frame."""
+    place, files = half
+    assert call(["run", "walk", "--out", "whole"]) == 0
+    whole = Run("whole").field("position")[:]
+    for length in lengths(files["run.h5"]):
+        (place / "run.h5").write_bytes(files["run.h5"][:length])
+        (place / "checkpoint.h5").write_bytes(files["checkpoint.h5"])
+        capsys.readouterr()
+        status = call(["resume", "half"])
+        error = capsys.readouterr().err
+        assert status in (0, 2) and "Traceback" not in error
+        if status == 2:
+            assert "trajectory = 'half/run.h5'" in error and error.count("\n") == 1
+            assert (place / "checkpoint.h5").read_bytes() == files["checkpoint.h5"]
+        else:
+            assert np.array_equal(Run(place).field("position")[:], whole)
+
+
+def test_flipped_bytes_never_give_a_traceback(half):
+    """Whatever stands in the first bytes, which HDF5 finds its way by, and in some others."""
+    place, files = half
+    random = np.random.default_rng(1)
+    good, path = files["checkpoint.h5"], place / "checkpoint.h5"
+    for position in [*range(0, 120, 5), *random.integers(0, len(good), 40)]:
+        damaged = bytearray(good)
+        damaged[position] ^= 0xFF
+        path.write_bytes(damaged)
+        try:
+            read_checkpoint(path)
+        except CheckpointError as error:
+            assert "\n" not in str(error) and str(path) in str(error)
+
+
+@pytest.mark.parametrize("name", ["checkpoint.h5", "run.h5"])
+def test_foreign_files(half, capsys, name):
+    place, _ = half
+    for foreign in (b"", b"some text\n" * 100, b"\x89HDF\r\n\x1a\n" + bytes(500), b"{}"):
+        (place / name).write_bytes(foreign)
+        assert f"half/{name}" in says(capsys, "resume half", 2)
+    with h5py.File(place / name, "w") as file:
+        file["x"] = np.arange(3)
+    assert f"half/{name}" in says(capsys, "resume half", 2)
+    (place / name).unlink()
+    (place / name).mkdir()
+    assert f"half/{name}" in says(capsys, "resume half", 2)
+
+
+def test_checkpoints_of_other_simulations_and_versions(half, capsys):
+    place, files = half
+    with h5py.File(place / "checkpoint.h5", "r+") as file:
+        file.attrs["format_version"] = 2
+        file.attrs["program_version"] = "9.9"
+    error = says(capsys, "resume half", 2)
+    assert "has format 2, written by particell 9.9; this version reads up to 1" in error
+    with h5py.File(place / "checkpoint.h5", "r+") as file:
+        file.attrs["format_version"] = "soon"
+    assert "damaged" in says(capsys, "resume half", 2)
+    (place / "checkpoint.h5").write_bytes(files["checkpoint.h5"])
+    with h5py.File(place / "checkpoint.h5", "r+") as file:
+        del file["tree"]
+        file["tree"] = "{'no': JSON"
+    assert "damaged" in says(capsys, "resume half", 2)
+
+
+def test_trajectories_of_newer_versions(half, capsys):
+    place, _ = half
+    with h5py.File(place / "run.h5", "r+") as file:
+        file["h5md"].attrs["version"] = np.array([2, 0], np.int32)
+    for command in ("resume", "plot", "export"):
+        assert "version 1 of H5MD" in says(capsys, f"{command} half", 2)
+
+
+def test_damaged_trajectories_that_are_only_read(half, capsys):
+    place, files = half
+    for length in (0, 100, len(files["run.h5"]) // 2):
+        (place / "run.h5").write_bytes(files["run.h5"][:length])
+        for command in ("plot", "export"):
+            assert "half/run.h5" in says(capsys, f"{command} half", 2)
+        with pytest.raises(InputError, match="trajectory"):
+            Run(place)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "[]",
+        "{}",
+        "\x00",
+        '{"case": "walk"}',
+        '{"case": "walk", "parameters": 3, "context": {}}',
+        '{"case": "walk", "parameters": {"sid": 1}, "context": {}}',
+        '{"case": "wlak", "parameters": {}, "context": {}}',
+        '{"case": "walk", "parameters": {}, "context": {"sed": 1}}',
+        '{"case": "walk", "parameters": {}, "context": {"seed": "x"}}',
+        '{"case": "walk", "parameters": {}, "context": {"threads": "many"}}',
+        '{"case": "walk", "class": "no.such:Thing", "parameters": {}, "context": {}}',
+        '{"case": "walk", "class": "json:Thing", "parameters": {}, "context": {}}',
+        '{"case": "walk", "class": 3, "parameters": {}, "context": {}}',
+    ],
+)
+def test_case_files_of_runs_that_are_wrong(half, capsys, text):
+    place, files = half
+    (place / "case.json").write_text(text)
+    says(capsys, "resume half", 2)
+    assert (place / "checkpoint.h5").read_bytes() == files["checkpoint.h5"]
+    (place / "case.json").unlink()
+    assert "case.json" in says(capsys, "resume half", 2)
+
+
+@pytest.mark.parametrize(
+    "out", ["file", "file/below", "/proc/nothing/here", "/dev/null/x", "'nul\0byte'", "x" * 300]
+)
+def test_what_cannot_be_written_to(capsys, tmp_path, out):
+    (tmp_path / "file").write_text("precious")
+    assert "out = " in says(capsys, f"run walk --out {out}", 2)
+    assert (tmp_path / "file").read_text() == "precious"
+
+
+def test_other_commands_that_cannot_write(half, capsys, tmp_path):
+    (tmp_path / "file").touch()
+    assert "cannot write" in says(capsys, "export half --out file/run.vtkhdf", 3)
+    assert "cannot write" in says(capsys, "export half --out /dev/full/x.vtkhdf", 3)
+    assert "a new file" in says(capsys, "new --out file/case.toml", 2)
+
+
+def test_a_gpu_where_there_is_none(capsys, monkeypatch, tmp_path):
+    from numba import cuda
+
+    monkeypatch.setattr(cuda, "is_available", lambda: False)
+    assert "no CUDA GPU" in says(capsys, "run walk --backend cuda", 2)
+    (tmp_path / "my.toml").write_text('case = "walk"\n')
+    assert "no CUDA GPU" in says(capsys, "run my.toml --backend cuda", 2)
+    assert "no CUDA GPU" in says(capsys, "ensemble walk --runs 2 --backend cuda", 2)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("where", ["summary.json", "spread.png", "case.json"])
+def test_no_room_for_one_file(monkeypatch, capsys, tmp_path, where):
+    """The disk is full just as this file is written; with room again the run is finished."""
+    replace = os.replace
+
+    def full(source, target):
+        if str(target).endswith(where):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        replace(source, target)
+
+    monkeypatch.setattr(os, "replace", full)
+    capsys.readouterr()
+    assert call(["run", "walk", "--out", "a"]) == 3
+    error = capsys.readouterr().err
+    assert f"cannot write a/{where}: No space left on device" in error
+    assert "Traceback" not in error and "partial" not in "".join(os.listdir("a"))
+    monkeypatch.setattr(os, "replace", replace)
+    if where == "case.json":
+        assert call(["run", "walk", "--out", "a"]) == 0
+        return
+    assert "particell resume a" in error
+    assert call(["resume", "a"]) == 0
+    assert (tmp_path / "a" / where).stat().st_size > 0
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_interrupted_while_it_is_set_up(monkeypatch, capsys, number):
+    """Before there is a directory, and in it: status 130, and one line that says how to go on."""
+    import fake_case
+
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    build = fake_case.Walk.build
+    monkeypatch.setattr(fake_case.Walk, "build", interrupted)
+    assert says(capsys, "run walk --out a", 130) == "interrupted"
+    assert not os.path.exists("a")
+    monkeypatch.setattr(fake_case.Walk, "build", build)
+    run = fake_case.WalkSimulation.run
+    monkeypatch.setattr(fake_case.WalkSimulation, "run", interrupted)
+    assert "go on with: particell resume a" in says(capsys, "run walk --out a", 130)
+    monkeypatch.setattr(fake_case.WalkSimulation, "run", run)
+    assert call(["resume", "a"]) == 0
+
+
+def test_checkpoints_on_a_full_device(tmp_path):
+    good = tmp_path / "c.h5"
+    write_checkpoint(good, {"a": np.arange(3)})
+    (tmp_path / ".c.partial.h5").symlink_to("/dev/full")
+    with pytest.raises(OutputError, match="cannot write"):
+        write_checkpoint(good, {"a": np.arange(100_000)})
+    assert len(read_checkpoint(good)[0]["a"]) == 3

@@ -124,6 +124,7 @@ class Recorder:
         """Write a checkpoint that the frames written so far belong to."""
         if self.directory is None:
             return
+        self.simulation.monitor.check()  # a checkpoint is good, whatever observers did
         if self.writer is not None:
             self.writer.sync()
         state = {**self.simulation.state(), "plan": plan}

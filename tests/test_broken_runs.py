@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+
 import numpy as np
 import pytest
 
@@ -14,6 +16,10 @@ from particell.observers import CHUNK
 from particell.output.checkpoint import read_checkpoint
 from particell.output.run import Run
 from systems import periodic_lattice, same_bits, unit_fluid
+
+pytestmark = pytest.mark.skipif(
+    not os.environ.get("PARTICELL_FAULTS"), reason="PARTICELL_FAULTS is not set"
+)
 
 SCHEMES = {
     "SDPD": {},
@@ -72,7 +78,7 @@ def test_nan_in_any_field(scheme, tmp_path):
         broken, place = simulation(scheme), tmp_path / field
         stop = Damage(broken, field, np.nan)
         try:
-            broken.run(UNTIL, EVERY, place, progress=False, checkpoint_every=0, stop=stop)
+            broken.run(UNTIL, EVERY, place, progress=False, stop=stop)
         except RunError as error:
             found[field] = error
         else:
@@ -86,8 +92,7 @@ def test_nan_in_any_field(scheme, tmp_path):
             assert part in str(error)
         state, _ = read_checkpoint(place / "checkpoint.h5")
         assert state["step"] <= error.step
-        if state["step"] > frame:
-            raise AssertionError(f"a checkpoint of the broken state: {field}")
+        assert state["step"] == 0  # none was written of what was broken
     for field in ("x", "v", "density", "mass", "support", "amount"):
         assert field in found
     assert found["amount"].field == "amount" and found["mass"].field in ("mass", "amount", "v")

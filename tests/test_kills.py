@@ -1,7 +1,7 @@
 """A run that is killed at any moment goes on to the same bits; so does one that met a full disk.
 
-Always with a case that computes nothing, so that all the time is spent in writing; with
-``PARTICELL_KILLS=1`` also with flow between walls, concentrations and molecules.
+With a case that computes nothing, so that all the time is spent in writing, and with flow between
+walls, concentrations and molecules. Only with ``PARTICELL_FAULTS=1``.
 """
 
 from __future__ import annotations
@@ -22,7 +22,10 @@ from casefile.case_files import document, small
 from particell.output.checkpoint import read_checkpoint
 from particell.output.run import Run
 
-pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs fork and POSIX signals")
+pytestmark = pytest.mark.skipif(
+    sys.platform == "win32" or not os.environ.get("PARTICELL_FAULTS"),
+    reason="needs fork, POSIX signals and PARTICELL_FAULTS=1",
+)
 
 #: What says how long something took, or how often a list was made larger.
 CLOCKS = {"wall_seconds", "compile_seconds"}
@@ -119,8 +122,6 @@ def flatten(value: object, path: str, found: dict[str, bytes]) -> None:
 
 @pytest.fixture(scope="module", params=["walk", "channel.toml"])
 def killer(request, tmp_path_factory):
-    if request.param != "walk" and not os.environ.get("PARTICELL_KILLS"):
-        pytest.skip("PARTICELL_KILLS is not set")
     made = Killer(tmp_path_factory.mktemp("kills"), request.param)
     yield made
     made.process.stdin.close()

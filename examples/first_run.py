@@ -23,7 +23,7 @@ simulation = pc.Simulation(
     [pc.fluid(box, water, spacing), *pc.channel_walls(box, water, spacing, axis=1)],
     pc.SDPD(gravity=(push, 0)),
 )
-run = simulation.run(until=0.01, every=0.001, out="out/first_run")
+run = simulation.run(until=0.01, every=0.001, out="out/first_run", overwrite=True)
 
 y = np.linspace(0, height, 11)
 velocity = run.on_line("velocity", (0, 0), (0, height), points=11, groups=["fluid"])[:, 0]

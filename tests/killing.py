@@ -1,10 +1,11 @@
 """A process that makes a small run again and again, in children that are killed.
 
-``python killing.py DIRECTORY FILE.toml`` compiles the loops by making the run WHOLE once, then
-reads a command a line, forks, and answers the child's wait status. The commands: ``run NAME`` and
-``resume NAME``, followed by what ends it: ``after SECONDS``, ``at OPERATION COUNT`` (just before
-the COUNT-th call of the operation), ``bytes NUMBER`` (by the system, where a file grows beyond
-that), ``full NUMBER`` (the same, as a full disk says it: with an error), or nothing.
+``python killing.py DIRECTORY CASE`` makes the run WHOLE of a case (a file, or the ``walk`` of
+fake_case.py), which compiles its loops. Then it reads a command a line, forks, and answers how the
+child ended. The commands: ``run NAME`` and ``resume NAME``, followed by what ends it: ``after
+SECONDS``, ``at OPERATION COUNT`` (just before the COUNT-th call of the operation), ``bytes NUMBER``
+(by the system, where a file grows beyond that), ``full NUMBER`` (the same, as a full disk says it:
+with an error), or nothing.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import signal
 import sys
 import time
 
+from particell import cases
 from particell.cli import call
 from particell.output import checkpoint, files, trajectory
 
@@ -69,6 +71,8 @@ def answer(words: list[str]) -> int:
 
 if __name__ == "__main__":
     os.chdir(sys.argv[1])
+    if sys.argv[2] == "walk":
+        cases.CASES = {"walk": ("fake_case:Walk", "Random walkers")}
     from particell.plots import save  # noqa: F401 - imported before it forks
 
     first = call(["run", sys.argv[2], "--out", "WHOLE", "--no-progress"])

@@ -6,7 +6,6 @@ import errno
 import json
 import os
 import shlex
-import signal
 
 import h5py
 import numpy as np
@@ -175,7 +174,7 @@ def test_case_files_of_runs_that_are_wrong(half, capsys, text):
 
 
 @pytest.mark.parametrize(
-    "out", ["file", "file/below", "/proc/nothing/here", "/dev/null/x", "'nul\0byte'", "x" * 300]
+    "out", ["file", "file/below", "/proc/nothing/here", "/dev/null/x", "x" * 300]
 )
 def test_what_cannot_be_written_to(capsys, tmp_path, out):
     (tmp_path / "file").write_text("precious")
@@ -226,12 +225,11 @@ def test_no_room_for_one_file(monkeypatch, capsys, tmp_path, where):
     assert (tmp_path / "a" / where).stat().st_size > 0
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_interrupted_while_it_is_set_up(monkeypatch, capsys, number):
+def test_interrupted_while_it_is_set_up(monkeypatch, capsys):
     """Before there is a directory, and in it: status 130, and one line that says how to go on."""
     import fake_case
 
-    def interrupted(*_):
+    def interrupted(*_, **options):
         raise KeyboardInterrupt
 
     build = fake_case.Walk.build

@@ -1,4 +1,8 @@
-"""A run that is killed at any moment goes on to the same bits; so does one that met a full disk."""
+"""A run that is killed at any moment goes on to the same bits; so does one that met a full disk.
+
+With a case that computes nothing, so that all the time is spent in writing, and with flow between
+walls, concentrations and molecules. Only with ``PARTICELL_FAULTS=1``.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +22,10 @@ from casefile.case_files import document, small
 from particell.output.checkpoint import read_checkpoint
 from particell.output.run import Run
 
-pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs fork and POSIX signals")
+pytestmark = pytest.mark.skipif(
+    sys.platform == "win32" or not os.environ.get("PARTICELL_FAULTS"),
+    reason="needs fork, POSIX signals and PARTICELL_FAULTS=1",
+)
 
 #: What says how long something took, or how often a list was made larger.
 CLOCKS = {"wall_seconds", "compile_seconds"}
@@ -40,11 +47,11 @@ def content() -> dict:
 class Killer:
     """The process of :mod:`killing`."""
 
-    def __init__(self, directory: Path):
+    def __init__(self, directory: Path, case: str):
         self.directory = directory
-        (directory / "case.toml").write_text(document(content()))
+        (directory / "channel.toml").write_text(document(content()))
         self.process = subprocess.Popen(
-            [sys.executable, str(Path(__file__).with_name("killing.py")), directory, "case.toml"],
+            [sys.executable, str(Path(__file__).with_name("killing.py")), directory, case],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
@@ -113,9 +120,9 @@ def flatten(value: object, path: str, found: dict[str, bytes]) -> None:
         )
 
 
-@pytest.fixture(scope="module")
-def killer(tmp_path_factory):
-    made = Killer(tmp_path_factory.mktemp("kills"))
+@pytest.fixture(scope="module", params=["walk", "channel.toml"])
+def killer(request, tmp_path_factory):
+    made = Killer(tmp_path_factory.mktemp("kills"), request.param)
     yield made
     made.process.stdin.close()
     made.process.wait()
@@ -157,7 +164,8 @@ def test_twenty_random_kills(killer):
 def test_killed_while_it_writes(killer, operation, counts):
     for count in counts:
         name = f"{operation}-{count}"
-        assert killer(f"run {name} at {operation} {count}") == -9
+        status = killer(f"run {name} at {operation} {count}")
+        assert status in (-9, 0), killer.said(name)
         if not (killer.directory / name / "case.json").exists():
             continue  # nothing had begun
         if count % 3 == 0:
@@ -170,8 +178,9 @@ def test_killed_while_it_writes(killer, operation, counts):
 def test_killed_after_so_many_bytes(killer, size):
     name = f"bytes-{size}"
     status = killer(f"run {name} bytes {size}")
-    assert status < 0, killer.said(name)
-    assert killer(f"resume {name} bytes {size}") < 0
+    assert status < 0 or (status == 0 and size > 20_000), killer.said(name)
+    status = killer(f"resume {name} bytes {size}") if status else 0
+    assert status <= 0, killer.said(name)
     killer.finish(name)
 
 
@@ -180,8 +189,11 @@ def test_full_disk(killer, size):
     name = f"full-{size}"
     status = killer(f"run {name} full {size}")
     said = killer.said(name)
-    assert status == 3, said
     assert "Traceback" not in said
+    if status == 0 and size > 20_000:  # it fits
+        killer.same(name)
+        return
+    assert status == 3, said
     assert said.count("cannot write") == 1 and "File too large" in said
     if not (killer.directory / name / "case.json").exists():
         return  # not even that could be written
@@ -200,7 +212,7 @@ def test_killed_before_the_first_checkpoint(killer):
 
 
 def test_frames_without_a_checkpoint_are_not_thrown_away(killer):
-    assert killer("run lost at frame-part 100") == -9
+    assert killer("run lost at frame-part 60") == -9
     (killer.directory / "lost" / "checkpoint.h5").unlink()
     frames = len(Run(killer.directory / "lost"))
     assert frames > 1

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import signal
 import sys
 import threading
@@ -123,6 +124,7 @@ class Recorder:
         """Write a checkpoint that the frames written so far belong to."""
         if self.directory is None:
             return
+        self.simulation.monitor.check()  # a checkpoint is good, whatever observers did
         if self.writer is not None:
             self.writer.sync()
         state = {**self.simulation.state(), "plan": plan}
@@ -235,7 +237,7 @@ def _intervals(span: float, every: float) -> int:
 
 def _claim(directory: Path, allowed: bool, resumed: bool) -> Path:
     """Make the directory of a run; one that holds another run needs to be allowed."""
-    used = any((directory / name).exists() for name in (TRAJECTORY, CHECKPOINT))
+    used = any(os.path.exists(directory / name) for name in (TRAJECTORY, CHECKPOINT))
     if used and not allowed:
         raise InputError("out", str(directory), "without a run in it (or give overwrite=True)")
     return prepare_directory(directory, *(OWN_FILES if used and not resumed else ()))

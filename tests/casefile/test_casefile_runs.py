@@ -73,7 +73,7 @@ def test_tables_of_the_simulation():
     whole = set(SimulationTable.model_fields) | {"seed", "device"}
     tables = set(FileCase.model_fields) - {"simulation", "stop", "run", "constants"}
     assert set(inspect.signature(Simulation).parameters) <= whole | tables
-    options = set(RunTable.model_fields) | {"self", "out", "progress", "stop"}
+    options = set(RunTable.model_fields) | {"self", "out", "progress", "stop", "overwrite"}
     assert set(inspect.signature(Simulation.run).parameters) <= options
 
 

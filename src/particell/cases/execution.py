@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import copy
+import os
 import re
 import tomllib
 from collections.abc import Mapping
@@ -95,6 +96,8 @@ def go_on(
     started = not _stopped_at_once(directory)
     state, _ = read_checkpoint(directory / CHECKPOINT) if started else ({}, {})
     set_threads(context.threads)
+    if not isinstance(context.seed, int):
+        raise InputError("seed", context.seed, "a whole number")
     simulation = case.build(context)
     if started:
         simulation.restore(state)
@@ -127,7 +130,7 @@ def replot(directory: str | Path) -> list[Path]:
 def read_case(directory: str | Path) -> tuple[Case, Context]:
     """The case that a directory was made from, and how it was run."""
     path = Path(directory) / CASE
-    if not path.is_file():
+    if not os.path.isfile(path):
         raise InputError("directory", str(directory), f"one with the output of a run ({CASE})")
     found = read_json(path, "case")
     try:
@@ -139,8 +142,6 @@ def read_case(directory: str | Path) -> tuple[Case, Context]:
     except (LookupError, TypeError, ValueError, AttributeError, ImportError) as error:
         allowed = f"a case file of particell ({type(error).__name__}: {reason(error)})"
         raise InputError("case", str(path), allowed) from None
-    if not isinstance(context.seed, int):
-        raise InputError("seed", context.seed, "a whole number")
     return kind(**parameters), context
 
 
@@ -220,7 +221,8 @@ def _key_in(place: Any, part: str, path: str) -> Any:
 def refuse_used_directory(out: str | Path, overwrite: bool) -> None:
     """Refuse an output directory that holds something, unless told to overwrite it."""
     directory = Path(out)
-    if directory.is_dir() and any(directory.iterdir()) and not overwrite:
+    # os.path has no exceptions for names that no file can have
+    if os.path.isdir(directory) and any(directory.iterdir()) and not overwrite:
         raise InputError("out", str(out), "a new or empty directory (or give --overwrite)")
 
 
@@ -231,7 +233,7 @@ def set_threads(threads: int | None) -> None:
     from particell.compute import threads as compute_threads
 
     most = compute_threads.available_threads()
-    if not 1 <= threads <= most:
+    if not isinstance(threads, int) or not 1 <= threads <= most:
         raise InputError("threads", threads, f"between 1 and {most} on this machine")
     compute_threads.set_threads(threads)
 

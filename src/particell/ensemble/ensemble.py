@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import sys
 import tempfile
@@ -287,7 +288,7 @@ class Ensemble:
 
 def is_ensemble(directory: str | Path) -> bool:
     """Whether a directory holds an ensemble."""
-    return (Path(directory) / ENSEMBLE).is_file()
+    return os.path.isfile(Path(directory) / ENSEMBLE)
 
 
 def _read(directory: Path) -> dict[str, Any]:

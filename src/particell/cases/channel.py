@@ -71,6 +71,8 @@ class ChannelFlow(Case):
     """The smoothing kernel."""
     support: Annotated[float, Field(ge=2, le=3)] | None = None
     """Its support in particle spacings (at most 3): 2.6, and 3 on the resting lattice."""
+    normalise_viscosity: bool = False
+    """Whether the viscous sum is divided by the kernel's own (transport velocity)."""
     pressure_force: Literal["symmetric", "difference"] = "symmetric"
     """Form of the pressure's force (transport velocity)."""
     fixed_volume: bool = True
@@ -173,6 +175,7 @@ class ChannelFlow(Case):
             support=self.reach,
             gravity=gravity,
             reference_speed=self.scale,
+            normalise_viscosity=self.normalise_viscosity,
             pressure_force=self.pressure_force,
             fixed_volume=self.fixed_volume,
             pressure_switch=self.pressure_switch,

@@ -50,7 +50,7 @@ class Poiseuille(ChannelFlow):
         *({"resolution": n, "lattice": "resting"} for n in (20, 40, 80)),
         *({"resolution": n} for n in (20, 40, 80, 160, 320)),
         *(
-            {"resolution": n, "kernel": kernel}
+            {"resolution": n, "kernel": kernel, "normalise_viscosity": True}
             for kernel in ("cubic-spline", "wendland-c2")
             for n in (20, 40, 80)
         ),

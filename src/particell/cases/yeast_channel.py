@@ -63,6 +63,11 @@ if TYPE_CHECKING:
 
 #: What is added to the names of the species that are molecules.
 MOLECULES = "_molecules"
+#: What the finite-element reference has been computed for: the defaults of these.
+COMPARED = (
+    *("height", "length", "radius", "membrane", "position", "mean_velocity"),
+    *("diffusivity", "concentration", "association", "dissociation"),
+)
 
 
 class YeastChannel(Case):
@@ -109,6 +114,12 @@ class YeastChannel(Case):
     """End of the run in units of H/v0."""
     frames: Annotated[int, Field(ge=4)] = 40
     """Number of frames."""
+
+    @property
+    def as_reference(self) -> bool:
+        """Whether this is what the reference has been computed for; else nothing has a limit."""
+        fields = type(self).model_fields
+        return all(math.isclose(getattr(self, k), fields[k].default) for k in COMPARED)
 
     @property
     def time_unit(self) -> float:

@@ -84,6 +84,9 @@ class WalkSimulation:
         with writer:
             if not self.step:
                 writer.append(0, 0.0, self.frame(), self.observables())
+                if self.case.break_at == 0:
+                    raise RunError("not finite", step=0, time=0.0, field="v", particle=3)
+                write_checkpoint(out / CHECKPOINT, self.state(), {"step": 0})
             while self.time < until - 1e-9:
                 kicks = self.random.normal(size=self.position.shape)
                 self.position = self.position + np.sqrt(2 * self.case.diffusivity * self.dt) * kicks

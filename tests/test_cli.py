@@ -124,7 +124,7 @@ def test_broken_run_says_how_to_go_on(capsys, tmp_path):
     assert "particle 3 at step 6" in error
     assert "particell resume b" in error
     assert (tmp_path / "b" / "checkpoint.h5").exists()
-    assert particell("run walk --set break_at=1 --out c") == 3
+    assert particell("run walk --set break_at=0 --out c") == 3
     assert "no checkpoint" in capsys.readouterr().err
 
 

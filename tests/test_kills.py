@@ -125,6 +125,7 @@ def killer(request, tmp_path_factory):
     made = Killer(tmp_path_factory.mktemp("kills"), request.param)
     yield made
     made.process.stdin.close()
+    made.process.stdout.close()
     made.process.wait()
 
 
@@ -184,7 +185,7 @@ def test_killed_after_so_many_bytes(killer, size):
     killer.finish(name)
 
 
-@pytest.mark.parametrize("size", [100, 2000, 20_000, 50_000, 90_000, 130_000, 170_000])
+@pytest.mark.parametrize("size", [100, 20_000, 200_000, 500_000, 900_000, 1_000_000, 1_500_000])
 def test_full_disk(killer, size):
     name = f"full-{size}"
     status = killer(f"run {name} full {size}")

@@ -15,7 +15,15 @@ from typing import Any
 import h5py
 import numpy as np
 
-from particell.output.files import CheckpointError, OutputError, reason, replacing
+from particell.output.files import (
+    SLACK,
+    SLACK_EACH,
+    CheckpointError,
+    OutputError,
+    reason,
+    replacing,
+    reserve,
+)
 
 FORMAT = "particell-checkpoint"
 FORMAT_VERSION = 1
@@ -51,6 +59,9 @@ def write_checkpoint(
         "state": _encode(dict(state), "state", arrays),
         "meta": _encode(dict(meta or {}), "meta", arrays),
     }
+    text = json.dumps(tree)
+    size = sum(values.nbytes + SLACK_EACH for values in arrays.values())
+    reserve(path, size + len(text) + SLACK)
     with replacing(path) as partial:
         try:
             with h5py.File(partial, "w") as file:
@@ -60,7 +71,7 @@ def write_checkpoint(
                 for name, values in arrays.items():
                     file.create_dataset(name, data=values)
                 # Last, so that a file without it is incomplete.
-                file["tree"] = json.dumps(tree)
+                file["tree"] = text
         except (OSError, RuntimeError) as error:
             raise OutputError(f"cannot write {path}: {reason(error)}") from error
 

@@ -17,7 +17,7 @@ import h5py
 import numpy as np
 
 from particell.errors import InputError
-from particell.output.files import OutputError, reason, replacing
+from particell.output.files import SLACK, SLACK_EACH, OutputError, reason, replacing, reserve
 from particell.output.run import Run
 
 # Everything used here is in version 2.0, which ParaView reads from 5.12 on.
@@ -52,6 +52,10 @@ def export_vtkhdf(run: Run, path: str | Path) -> Path:
     if not frames:
         raise InputError("run", str(run.directory), "a run with at least one frame")
     n = len(run.static["group"])
+    # vectors get three components
+    sizes = [3 * int(np.prod(f.shape)) * f.dtype.itemsize for f in map(run.field, run.field_names)]
+    sizes += [values.nbytes for values in run.static.values()]
+    reserve(path, sum(sizes) + 16 * n + SLACK_EACH * len(sizes) + 2 * SLACK)
     with replacing(path) as partial:
         try:
             with h5py.File(partial, "w") as file:
@@ -62,7 +66,7 @@ def export_vtkhdf(run: Run, path: str | Path) -> Path:
                 _write_cells(root, n)
                 _write_fields(root, run, frames, n)
                 _write_steps(root, run.times[:frames], n)
-        except RuntimeError as error:
+        except (OSError, RuntimeError) as error:
             raise OutputError(f"cannot write {path}: {reason(error)}") from error
     return path
 

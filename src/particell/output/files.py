@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import json
 import os
 import re
@@ -29,6 +30,46 @@ def reason(error: BaseException) -> str:
     if found := re.search(r"error message = '([^']+)'", str(error)):
         return found.group(1)
     return (str(error) or type(error).__name__).splitlines()[0]
+
+
+#: What an HDF5 file needs beside its numbers, at most, and for each of its datasets.
+SLACK, SLACK_EACH = 1 << 16, 1 << 12
+
+
+def reserve(path: str | Path, size: int, begin: int = 0) -> None:
+    """Refuse to write where there is no room, before HDF5 begins: it may crash where it ends.
+
+    The room is taken by another file for a moment (where the system has a call for it).
+
+    Parameters
+    ----------
+    path
+        The file that is to be written.
+    size
+        Bytes that it is to grow by, at most.
+    begin
+        Its size now.
+
+    Raises
+    ------
+    OutputError
+        Where the disk, a quota or a limit of the process has not that much.
+    """
+    path = Path(path)
+    if not hasattr(os, "posix_fallocate"):
+        return
+    room = path.with_name(f".{path.stem}.room")
+    try:
+        handle = os.open(room, os.O_WRONLY | os.O_CREAT)
+        try:
+            os.posix_fallocate(handle, begin, size)
+        finally:
+            os.close(handle)
+            room.unlink()
+    except OSError as error:
+        if error.errno in (errno.EOPNOTSUPP, errno.ENOSYS, errno.EINVAL):
+            return  # a file system without such a call
+        raise OutputError(f"cannot write {path}: {reason(error)}") from error
 
 
 def sync_directory(directory: Path) -> None:

@@ -65,7 +65,7 @@ def open_trajectory(path: str | Path) -> Iterator[h5py.File]:
             yield file
         except (InputError, OutputError):
             raise
-        except (OSError, RuntimeError, LookupError, TypeError, AttributeError) as error:
+        except (OSError, RuntimeError, KeyError) as error:  # an IndexError is the caller's
             allowed = f"whole: it is damaged ({reason(error)})"
             raise InputError("trajectory", str(path), allowed) from None
 

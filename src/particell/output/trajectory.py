@@ -23,8 +23,9 @@ import numpy as np
 
 from particell.errors import InputError
 from particell.geometry.domain import Domain
-from particell.output.files import OutputError, reason, replacing
+from particell.output.files import SLACK, SLACK_EACH, OutputError, reason, replacing, reserve
 from particell.output.h5md import (
+    CHUNK_BYTES,
     LIBVER,
     PARTICLES,
     complete_frames,
@@ -101,10 +102,13 @@ class TrajectoryWriter:
             Where fields or observables are not those of the first frame.
         """
         try:
+            self._reserve(frame, observables)
             if self._file is None:
                 self._create(frame, observables)
             self._check(frame, observables)
             self._write(step, time, frame, observables)
+        except OutputError:
+            raise
         except (OSError, RuntimeError) as error:
             raise OutputError(f"cannot write {self.path}: {reason(error)}") from error
 
@@ -161,6 +165,7 @@ class TrajectoryWriter:
                 raise InputError("trajectory", str(path), f"a file with a frame up to step {step}")
             writer = cls.__new__(cls)
             writer.path, writer._file, writer._frames = path, None, keep
+            reserve(path, path.stat().st_size + SLACK)
             try:
                 with writer._replacing() as target:
                     copy_group(source, target, keep, {})
@@ -169,6 +174,15 @@ class TrajectoryWriter:
                     raise  # of reading: the old file is damaged
                 raise OutputError(f"cannot write {path}: {reason(error)}") from error
         return writer
+
+    def _reserve(self, frame: Mapping[str, Any], observables: Mapping[str, float]) -> None:
+        """Refuse a frame that there is no room for: of every series a chunk may be new."""
+        sizes = [np.asarray(values).nbytes for values in (*frame.values(), *observables.values())]
+        begin = self.path.stat().st_size if self._file is not None else 0
+        if self._file is None:
+            sizes += [np.asarray(values).nbytes for values in self._header[1].values()]
+        chunks = sum(max(size, CHUNK_BYTES) + SLACK_EACH for size in sizes)
+        reserve(self.path, chunks + 4 * SLACK, begin)
 
     def _create(self, frame: Mapping[str, np.ndarray], observables: Mapping[str, float]) -> None:
         domain, static, groups, author, parameters = self._header

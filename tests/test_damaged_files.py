@@ -186,7 +186,7 @@ def test_other_commands_that_cannot_write(half, capsys, tmp_path):
     (tmp_path / "file").touch()
     assert "cannot write" in says(capsys, "export half --out file/run.vtkhdf", 3)
     assert "cannot write" in says(capsys, "export half --out /dev/full/x.vtkhdf", 3)
-    assert "a new file" in says(capsys, "new --out file/case.toml", 2)
+    assert "a new file" in says(capsys, "new file/case.toml", 2)
 
 
 def test_a_gpu_where_there_is_none(capsys, monkeypatch, tmp_path):

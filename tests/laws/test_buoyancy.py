@@ -58,8 +58,8 @@ def test_walls_bear_the_head_as_they_bear_that_of_gravity(molecules):
     def pressures(buoyant: bool) -> np.ndarray:
         domain = pc.Domain((0, 0), (1, 1), periodic="x", depth=1.0)
         fluid = pc.Fluid(density=1.0, viscosity=0.0, sound_speed=10.0)
-        # 1e18 molecules in a particle of 0.01 m³ are 1.66e-4 mol/m³
-        count = 10**18
+        # 1e15 molecules in a particle of 0.01 m³ are 1.66e-7 mol/m³
+        count = 10**15
         concentration = count / (0.01 * AVOGADRO)
         force = pc.Buoyancy("C", expansion=-1.0 / concentration, gravity=(0.0, -3.0))
         sim = pc.Simulation(

@@ -26,6 +26,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from particell.checks import checked
+from particell.chemistry.formula import Law
 from particell.chemistry.species import checked_rate, group_names
 from particell.errors import InputError
 
@@ -105,8 +106,8 @@ class Reaction:
     backward: Rate | None = None
     only_in: str | Sequence[str] | None = None
     units: str = "concentration"
-    rate_law: Callable[..., float] | None = None
-    propensity: Callable[..., float] | None = None
+    rate_law: Callable[..., float] | Law | None = None
+    propensity: Callable[..., float] | Law | None = None
     reactants: Mapping[str, int] | None = None
     products: Mapping[str, int] | None = None
 

@@ -17,7 +17,8 @@ from particell.output.checkpoint import read_checkpoint
 from particell.output.run import Run
 from systems import periodic_lattice, same_bits, unit_fluid
 
-pytestmark = pytest.mark.skipif(
+#: For what compiles long.
+long = pytest.mark.skipif(
     not os.environ.get("PARTICELL_FAULTS"), reason="PARTICELL_FAULTS is not set"
 )
 
@@ -66,6 +67,7 @@ class Damage:
         return False
 
 
+@long
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_nan_in_any_field(scheme, tmp_path):
     """Found within the interval of checks, or without effect where the field is made anew."""
@@ -95,9 +97,10 @@ def test_nan_in_any_field(scheme, tmp_path):
         assert state["step"] == 0  # none was written of what was broken
     for field in ("x", "v", "density", "mass", "support", "amount"):
         assert field in found
-    assert found["amount"].field == "amount" and found["mass"].field in ("mass", "amount", "v")
+    assert found["amount"].field == "amount" and found["mass"].field == "mass"
 
 
+@long
 def test_a_broken_run_goes_on_to_the_same_bits(tmp_path):
     """The checkpoint that is kept is that of the frame before, without the NaN."""
     whole = simulation("SDPD")
@@ -136,13 +139,11 @@ CONCENTRATION, MOLECULES = [pc.Species("C")], [pc.Species("M", molecules=True)]
 @pytest.mark.parametrize(
     ("species", "reaction", "start", "field"),
     [
-        (CONCENTRATION, pc.Reaction("2 C -> 3 C", 1e300), {"C": 1.0}, "amount"),
+        (CONCENTRATION, pc.Reaction("2 C -> 3 C", 1e6), {"C": 1.0}, "amount"),
         (CONCENTRATION, pc.Reaction("C -> 0", rate_law=lambda C, k: np.nan), {"C": 1.0}, "amount"),
-        (CONCENTRATION, pc.Reaction("C -> 0", rate_law=lambda C, k: np.inf), {}, "amount"),
         (MOLECULES, pc.Reaction("M -> 2 M", 1e300), {"M": 3}, "count"),
         (MOLECULES, pc.Reaction("0 -> M", 1e300), {}, "count"),
         (MOLECULES, pc.Reaction("2 M -> 0", 1e308, units="molecules"), {"M": 99}, "count"),
-        (MOLECULES, pc.Reaction("M -> 0", propensity=lambda N, V, k: np.nan), {}, "count"),
         (MOLECULES, pc.Reaction("M -> 2 M", propensity=lambda N, V, k: np.inf), {}, "count"),
     ],
 )
@@ -174,7 +175,7 @@ def test_laws_that_cannot_be_evaluated():
 def test_checkpoints_of_another_description_are_refused():
     state = periodic_lattice(8, 2).state()
     with pytest.raises(InputError, match="scheme of the checkpoint"):
-        periodic_lattice(8, 2, shifting=0.1).restore(state)
+        periodic_lattice(8, 2, density_diffusion=0.1).restore(state)
     with pytest.raises(InputError, match="materials of the checkpoint"):
         periodic_lattice(8, 2, unit_fluid(viscosity=0.2)).restore(state)
     for junk in ({}, None, {"fields": {}}, {**state, "fields": 3}):

@@ -1,7 +1,7 @@
 """A run that is killed at any moment goes on to the same bits; so does one that met a full disk.
 
-With a case that computes nothing, so that all the time is spent in writing, and with flow between
-walls, concentrations and molecules. Only with ``PARTICELL_FAULTS=1``.
+Always with a case that computes nothing, so that all the time is spent in writing; with
+``PARTICELL_FAULTS=1`` also with flow between walls, concentrations and molecules (five minutes).
 """
 
 from __future__ import annotations
@@ -22,10 +22,7 @@ from casefile.case_files import document, small
 from particell.output.checkpoint import read_checkpoint
 from particell.output.run import Run
 
-pytestmark = pytest.mark.skipif(
-    sys.platform == "win32" or not os.environ.get("PARTICELL_FAULTS"),
-    reason="needs fork, POSIX signals and PARTICELL_FAULTS=1",
-)
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs fork and POSIX signals")
 
 #: What says how long something took, or how often a list was made larger.
 CLOCKS = {"wall_seconds", "compile_seconds"}
@@ -122,6 +119,8 @@ def flatten(value: object, path: str, found: dict[str, bytes]) -> None:
 
 @pytest.fixture(scope="module", params=["walk", "channel.toml"])
 def killer(request, tmp_path_factory):
+    if request.param != "walk" and not os.environ.get("PARTICELL_FAULTS"):
+        pytest.skip("PARTICELL_FAULTS is not set")
     made = Killer(tmp_path_factory.mktemp("kills"), request.param)
     yield made
     made.process.stdin.close()
@@ -155,11 +154,11 @@ def test_twenty_random_kills(killer):
 @pytest.mark.parametrize(
     ("operation", "counts"),
     [
-        ("frame-part", (1, 2, 3, 7, 12, 20, 24, 25, 60, 61, 200)),
-        ("checkpoint", (1, 2, 20, 30, 60, 61, 120)),
-        ("fsync", (1, 2, 3, 4, 5, 6, 7, 8)),
-        ("rename", (1, 2, 3, 4, 5)),
-        ("directory", (1, 2, 3, 4)),
+        ("frame-part", (1, 3, 7, 24, 25, 61, 200)),
+        ("checkpoint", (1, 2, 30, 61)),
+        ("fsync", (1, 2, 3, 5, 8)),
+        ("rename", (1, 2, 3, 5)),
+        ("directory", (1, 2, 4)),
     ],
 )
 def test_killed_while_it_writes(killer, operation, counts):
@@ -179,6 +178,8 @@ def test_killed_while_it_writes(killer, operation, counts):
 def test_killed_after_so_many_bytes(killer, size):
     name = f"bytes-{size}"
     status = killer(f"run {name} bytes {size}")
+    if not (killer.directory / name / "case.json").exists():
+        return  # not even that
     assert status < 0 or (status == 0 and size > 20_000), killer.said(name)
     status = killer(f"resume {name} bytes {size}") if status else 0
     assert status <= 0, killer.said(name)

@@ -268,8 +268,13 @@ TOO_LATE = 2.0
 
 #: Fields that are never infinite; others are looked at for NaN only.
 FINITE = ("x", "v", "density", "a", "amount")
-#: Fields that messages name rather than those that are made of them.
-SOURCES = (*FINITE, "count", "mass", "support", "wall_normal", "wall_depth", "wall_curvature")
+#: Fields that never change: they are broken by nothing else.
+GIVEN = ("mass", "support", "wall_depth", "wall_curvature")
+
+
+def _rank(name: str) -> int:
+    """Which fields messages name first."""
+    return 0 if name in GIVEN else 1 if name in (*FINITE, "count") else 2
 
 
 class Monitor:
@@ -288,8 +293,8 @@ class Monitor:
         """
         particles = self.simulation.particles
         if broken := {name: rows for name in particles if len(rows := self._bad_rows(name))}:
-            # A NaN spreads from particle to particle: where there are fewest, it came from.
-            field = min(broken, key=lambda name: (name not in SOURCES, len(broken[name])))
+            # A NaN spreads: from what never changes, and from where there are fewest.
+            field = min(broken, key=lambda name: (_rank(name), len(broken[name])))
             what = "negative" if field == "count" else "not finite"
             self._fail(f"a value is {what}", field, int(broken[field][0]))
         self._check_places()

@@ -28,7 +28,7 @@ from particell.chemistry.species import Species
 from particell.compute.device import Device
 from particell.compute.loop import CompileLog
 from particell.compute.philox import stream_key
-from particell.errors import InputError
+from particell.errors import InputError, RunError
 from particell.geometry.domain import Domain
 from particell.laws.buoyancy import Buoyancy
 from particell.motion import Constraints, Forces, Monitor
@@ -178,7 +178,6 @@ class Simulation:
         self._first_totals: dict[str, float] = {}
 
     # --- time step ---------------------------------------------------------------------------
-
     def largest_step(self, speed: float | None = None) -> float:
         """The largest time step in s that the rules allow for a speed in m/s.
 
@@ -248,7 +247,6 @@ class Simulation:
         return self.dt > factor * self.largest_step(speed)
 
     # --- stepping ----------------------------------------------------------------------------
-
     def start(self) -> None:
         """Build the neighbour list and the initial forces; done by the first step if needed."""
         if self._started:
@@ -271,8 +269,8 @@ class Simulation:
         Raises
         ------
         RunError
-            Where a field is not finite, a particle has left the domain, or the flow is too fast
-            for an automatic time step (checked at the end).
+            At the end, where a field is not finite, a particle has left the domain, or the flow
+            is too fast for an automatic time step.
         """
         if steps < 0:
             raise InputError("steps", steps, "zero or more")
@@ -280,15 +278,18 @@ class Simulation:
         begin, compiling = clock.perf_counter(), CompileLog.seconds
         chemistry, every = self.chemistry, self.chemistry_every
         solver, constraints, dt = self.solver, self.constraints, self.dt
-        for _ in range(steps):
-            solver.step(self.step, dt)
-            self.walls.bounce_back()
-            constraints.relax(self.step, dt)
-            self.step += 1
-            if chemistry is not None and self.step % every == 0:
-                chemistry.step(self.step, every * dt, self.time + dt)
-                constraints.relax_species(self.step, every * dt)
-            self.time += dt
+        try:
+            for _ in range(steps):
+                solver.step(self.step, dt)
+                self.walls.bounce_back()
+                constraints.relax(self.step, dt)
+                self.step, self.time = self.step + 1, self.time + dt
+                if chemistry is not None and self.step % every == 0:
+                    chemistry.step(self.step, every * dt, self.time)
+                    constraints.relax_species(self.step, every * dt)
+        except RunError:
+            self.monitor.check()  # names the field that it came from, where one shows it
+            raise
         self.monitor.check()
         self._wall_seconds += clock.perf_counter() - begin
         self._compile_seconds += CompileLog.seconds - compiling
@@ -337,13 +338,11 @@ class Simulation:
         InputError, RunError, Interrupted
             See :mod:`particell.errors`.
         """
-        from particell.observers import run_with_observers
+        from particell.observers import run_with_observers as run
 
-        given = until, every, out, progress, checkpoint_every, stop, overwrite
-        return run_with_observers(self, *given)
+        return run(self, until, every, out, progress, checkpoint_every, stop, overwrite)
 
     # --- what can be seen --------------------------------------------------------------------
-
     @property
     def group_names(self) -> list[str]:
         """Names of the groups, in the order of the field ``group``."""
@@ -381,7 +380,6 @@ class Simulation:
         return snapshot.settings_of(self)
 
     # --- restart -----------------------------------------------------------------------------
-
     def state(self) -> dict[str, Any]:
         """Everything that a continuation bit for bit needs: see :meth:`restore`."""
         return state_of(self)

@@ -16,8 +16,8 @@ from particell.errors import InputError, unknown_name
 from particell.materials import AVOGADRO
 from particell.particles import Particles
 
-#: Whole numbers are exact up to here, in the floating-point numbers that counts pass through.
-MOST_MOLECULES = 2.0**53
+#: Molecules a particle; sums of two still fit in 64 bits.
+MOST_MOLECULES = 2.0**62
 Values = float | np.ndarray | Callable[[np.ndarray], np.ndarray | float]
 
 

@@ -254,7 +254,7 @@ class Chemistry(Contents):
             self._measure(n)
         for walks in self._walks:
             if not self._rated:
-                walks.renew(n, step)
+                walks.renew(n, step, self._time)
             self.jumps += walks.run(n, step, tau, self.binomial_cost)
         self._rated = self._rates_last
         if not diffusing:

@@ -91,8 +91,8 @@ class Walks:
         self.collect = bind(jumps.collect, f)
         self.settle = bind(jumps.settle, f, **switch)
 
-    def renew(self, n: int, step: int) -> None:
-        """The jump rates of n particles where they are now.
+    def renew(self, n: int, step: int, time: float) -> None:
+        """The jump rates of n particles where they are now; step and time (s) are for messages.
 
         Raises
         ------
@@ -105,9 +105,8 @@ class Walks:
         if not math.isfinite(fastest):
             bad = int(np.argmin(np.isfinite(self.device.to_host(f["leave_rate"]))))
             particle = int(self.device.to_host(f["id"])[bad])
-            raise RunError(
-                "jump rate is not finite", step=step, time=math.nan, field="x", particle=particle
-            )
+            message = "the rate of a molecule's jumps is not finite"
+            raise RunError(message, step=step, time=time, field="x", particle=particle)
 
     def run(self, n: int, step: int, tau: float, binomial_cost: float) -> int:
         """Move the molecules of n particles during tau; the jumps made."""

@@ -39,6 +39,19 @@ def text(value: object) -> str:
     return value.decode() if isinstance(value, bytes) else str(value)
 
 
+def _open(path: Path) -> h5py.File:
+    """A file opened in the ordinary mode if it was closed, else in that for files that grow.
+
+    In the latter HDF5 waits for what is damaged to become whole, for minutes.
+    """
+    try:
+        return h5py.File(path, "r")
+    except OSError as error:
+        if not any(words in str(error) for words in ("SWMR", "open for write", "lock file")):
+            raise
+    return h5py.File(path, "r", libver=LIBVER, swmr=True)
+
+
 @contextlib.contextmanager
 def open_trajectory(path: str | Path) -> Iterator[h5py.File]:
     """Open a trajectory for reading, whether finished, growing, or left by a killed process.
@@ -54,7 +67,7 @@ def open_trajectory(path: str | Path) -> Iterator[h5py.File]:
     if path.stat().st_size < closed_size(path):
         raise InputError("trajectory", str(path), "whole: it is damaged (its end is missing)")
     try:
-        file = h5py.File(path, "r", libver=LIBVER, swmr=True)
+        file = _open(path)
     except (OSError, RuntimeError) as error:
         raise InputError("trajectory", str(path), f"an HDF5 file ({reason(error)})") from None
     with file:

@@ -64,8 +64,6 @@ def open_trajectory(path: str | Path) -> Iterator[h5py.File]:
     path = Path(path)
     if not path.is_file():
         raise InputError("trajectory", str(path), "an existing file")
-    if path.stat().st_size < closed_size(path):
-        raise InputError("trajectory", str(path), "whole: it is damaged (its end is missing)")
     try:
         file = _open(path)
     except (OSError, RuntimeError) as error:
@@ -83,21 +81,6 @@ def open_trajectory(path: str | Path) -> Iterator[h5py.File]:
         except (OSError, RuntimeError, KeyError) as error:  # an IndexError is the caller's
             allowed = f"whole: it is damaged ({reason(error)})"
             raise InputError("trajectory", str(path), allowed) from None
-
-
-def closed_size(path: Path) -> int:
-    """Size in bytes of an HDF5 file when it was closed, or began to grow; 0 if it does not say.
-
-    HDF5 does not look for itself where a file may be growing: it tries to read what is missing
-    again and again, for ever longer times. (HDF5 File Format Specification 3.0, II.A, superblocks
-    of versions 2 and 3: the end-of-file address.)
-    """
-    with path.open("rb") as file:
-        start = file.read(36)
-    known = start.startswith(b"\x89HDF\r\n\x1a\n") and len(start) == 36
-    if not known or start[8] not in (2, 3) or start[9] != 8:
-        return 0
-    return int.from_bytes(start[28:36], "little")
 
 
 def element_names(group: h5py.Group) -> list[str]:

@@ -133,6 +133,15 @@ EXAMPLES = {
         "interval": 1.0,
         "after": 1.0,
     },
+    pc.TimeAverage: {
+        "points": np.zeros((1, 2)),
+        "fields": ["velocity"],
+        "samples": 2,
+        "after": 1.0,
+        "groups": ["fluid"],
+        "name": "mean",
+        "kernel": "lucy",
+    },
     pc.TransportVelocity: {
         **FLOW,
         "support": 2.6,

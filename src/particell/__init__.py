@@ -19,6 +19,7 @@ except PackageNotFoundError:  # a source tree that is not installed
     __version__ = "0+unknown"
 
 if TYPE_CHECKING:
+    from particell.averages import TimeAverage
     from particell.boundaries.mean_velocity import MeanVelocity
     from particell.boundaries.moving import WallMotion
     from particell.boundaries.reflection import Reflection
@@ -76,6 +77,7 @@ _HOME = {
     "Sponge": "boundaries.sponge",
     "Static": "schemes.static",
     "SteadyState": "observers",
+    "TimeAverage": "averages",
     "TransportVelocity": "schemes.transport_velocity",
     "box_walls": "phases",
     "channel_walls": "phases",
@@ -119,6 +121,7 @@ __all__ = [
     "Sponge",
     "Static",
     "SteadyState",
+    "TimeAverage",
     "TransportVelocity",
     "WallMotion",
     "box_walls",

@@ -9,21 +9,23 @@ import signal
 import sys
 import threading
 import time as clock
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from tqdm import tqdm
 
+from particell.averages import RunningAverage, TimeAverage
 from particell.checks import checked, not_negative, positive
 from particell.compute import neighbours
 from particell.compute.cache import cache_directory
 from particell.errors import InputError, Interrupted, RunError, unknown_name
 from particell.output.checkpoint import write_checkpoint
 from particell.output.files import OutputError, plain, prepare_directory
+from particell.output.h5md import AVERAGES
 from particell.output.run import CHECKPOINT, OWN_FILES, TRAJECTORY, Run
 from particell.output.trajectory import TrajectoryWriter
 from particell.schemes.timestep import check_number_of_steps
@@ -87,10 +89,17 @@ class SteadyState:
 class Recorder:
     """Where frames go: to ``run.h5``, or to memory."""
 
-    def __init__(self, simulation: Simulation, directory: Path | None, resumed: bool):
-        self.simulation, self.directory = simulation, directory
+    def __init__(
+        self,
+        simulation: Simulation,
+        directory: Path | None,
+        resumed: bool,
+        averages: list[RunningAverage],
+    ):
+        self.simulation, self.directory, self.averages = simulation, directory, averages
+        self.points = {a.average.name: a.average.points for a in averages}
         self.frames: list[dict[str, np.ndarray]] = []
-        self.observables: list[dict[str, float]] = []
+        self.observables: list[dict[str, Any]] = []
         self.steps: list[int] = []
         self.times: list[float] = []
         self.writer: TrajectoryWriter | None = None
@@ -105,17 +114,22 @@ class Recorder:
                 simulation.static_frame(),
                 simulation.group_names,
                 parameters=json.dumps(plain(simulation.settings)),
+                points=self.points,
             )
 
     def record(self) -> dict[str, float]:
         """Take a frame; returns the observables."""
         s = self.simulation
         frame, observables = s.frame(), s.observables()
+        series: dict[str, Any] = dict(observables)
+        for average in self.averages:
+            for field, mean in average.take().items():
+                series[f"{AVERAGES}/{average.average.name}/{field}"] = mean
         if self.writer is not None:
-            self.writer.append(s.step, s.time, frame, observables)
+            self.writer.append(s.step, s.time, frame, series)
         else:
             self.frames.append(frame)
-            self.observables.append(observables)
+            self.observables.append(series)
             self.steps.append(s.step)
             self.times.append(s.time)
         return observables
@@ -127,7 +141,8 @@ class Recorder:
         self.simulation.monitor.check()  # a checkpoint is good, whatever observers did
         if self.writer is not None:
             self.writer.sync()
-        state = {**self.simulation.state(), "plan": plan}
+        sums = {average.average.name: average.sums for average in self.averages}
+        state = {**self.simulation.state(), "plan": plan, "averages": sums}
         write_checkpoint(self.directory / CHECKPOINT, state, {"step": self.simulation.step})
 
     def close(self) -> None:
@@ -149,6 +164,7 @@ class Recorder:
             self.times,
             self.frames,
             self.observables,
+            points=self.points,
         )
 
 
@@ -182,6 +198,7 @@ def run_with_observers(
     checkpoint_every: float,
     stop: Stop | None,
     overwrite: bool = False,
+    averages: TimeAverage | Sequence[TimeAverage] = (),
 ) -> Run:
     """See :meth:`particell.simulation.Simulation.run`."""
     not_negative("checkpoint_every", checkpoint_every)
@@ -209,12 +226,35 @@ def run_with_observers(
     if progress and not cache_directory(Path(neighbours.__file__)).exists():
         tqdm.write("compiling the loops (only the first time; about half a minute)", sys.stderr)
     simulation.start()
-    recorder = Recorder(simulation, directory, resumed)
+    running = _running(simulation, averages, resumed)
+    recorder = Recorder(simulation, directory, resumed, running)
     if not resumed:
+        for average in running:
+            average.sample()
         recorder.record()
         recorder.checkpoint(plan)
     _loop(simulation, recorder, plan, progress, checkpoint_every, stop)
     return recorder.finish()
+
+
+def _running(
+    simulation: Simulation, averages: TimeAverage | Sequence[TimeAverage], resumed: bool
+) -> list[RunningAverage]:
+    """The sums of averages, of a resumed run as they were at its checkpoint."""
+    chosen = [averages] if isinstance(averages, TimeAverage) else list(averages)
+    names = [average.name for average in chosen]
+    if len(set(names)) < len(names):
+        raise InputError("averages", names, "with a name each")
+    running = [RunningAverage(simulation, average) for average in chosen]
+    if resumed:
+        saved = simulation.resumed_averages
+        same = {a.average.name: a.sums.shape for a in running}
+        if same != {name: sums.shape for name, sums in saved.items()}:
+            allowed = f"as when the run began: {', '.join(saved) or 'none'}"
+            raise InputError("averages", names, allowed)
+        for average in running:
+            average.sums[...] = saved[average.average.name]
+    return running
 
 
 def _check_stop(simulation: Simulation, stop: Stop | None) -> None:
@@ -272,9 +312,14 @@ def _loop(
     with stop_requests() as asked, bar:
         try:
             while simulation.step < plan["last"]:
-                steps = min(CHUNK, plan["next"] - simulation.step)
+                to_frame = plan["next"] - simulation.step
+                due = [a.due_in(to_frame, plan["per_frame"]) for a in recorder.averages]
+                steps = min(CHUNK, to_frame, *due)
                 simulation.advance(steps)
                 bar.update(steps)
+                for average, steps_ahead in zip(recorder.averages, due, strict=True):
+                    if steps == steps_ahead:
+                        average.sample()
                 if simulation.step == plan["next"]:
                     observables = recorder.record()
                     plan["next"] += plan["per_frame"]

@@ -87,4 +87,5 @@ def restore(simulation: Simulation, state: dict[str, Any]) -> None:
     s.solver.restore()
     s.constraints.restored()
     s.resumed, s.resumed_plan = True, state.get("plan")
+    s.resumed_averages = state.get("averages", {})
     s._started = True

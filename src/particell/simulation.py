@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from particell import snapshot
+from particell.averages import TimeAverage
 from particell.boundaries.mean_velocity import MeanVelocity
 from particell.boundaries.moving import WallMotion
 from particell.boundaries.reflection import Reflection
@@ -172,6 +173,7 @@ class Simulation:
         self.chemistry_every = 1
         self.dt = self.largest_step() if self.automatic else float(dt)
         self.resumed, self.resumed_plan = False, None
+        self.resumed_averages: dict[str, np.ndarray] = {}
         self._started = False
         self._wall_seconds = self._compile_seconds = 0.0
         self._first_momentum: np.ndarray | None = None
@@ -307,6 +309,7 @@ class Simulation:
         checkpoint_every: float = 60.0,
         stop: Stop | None = None,
         overwrite: bool = False,
+        averages: TimeAverage | Sequence[TimeAverage] = (),
     ) -> Run:
         """Advance to a time, with output.
 
@@ -327,6 +330,8 @@ class Simulation:
             A condition that ends the run early.
         overwrite
             Whether to replace the run that ``out`` holds already.
+        averages
+            Fields to average in time, at points that do not move, between frames.
 
         Returns
         -------
@@ -340,7 +345,8 @@ class Simulation:
         """
         from particell.observers import run_with_observers as run
 
-        return run(self, until, every, out, progress, checkpoint_every, stop, overwrite)
+        options = (progress, checkpoint_every, stop, overwrite, averages)
+        return run(self, until, every, out, *options)
 
     # --- what can be seen --------------------------------------------------------------------
     @property

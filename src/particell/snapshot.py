@@ -23,21 +23,32 @@ def static_frame_of(simulation: Simulation) -> dict[str, np.ndarray]:
     return frame
 
 
+def field_names_of(simulation: Simulation) -> list[str]:
+    """What of the particles changes in time, other than positions and what came in."""
+    names = ["velocity"] if simulation.static else ["velocity", "density", "pressure"]
+    chemistry = simulation.chemistry
+    for name, s in chemistry.species.items() if chemistry else ():
+        names += [f"concentration/{name}", f"count/{name}"][: 2 if s.molecules else 1]
+    return names
+
+
+def field_of(simulation: Simulation, name: str) -> np.ndarray:
+    """One of :func:`field_names_of`, in memory order."""
+    kind, _, species = name.partition("/")
+    if species:
+        assert simulation.chemistry is not None
+        return getattr(simulation.chemistry, kind)(species)
+    return simulation.particles.host("v" if name == "velocity" else name)
+
+
 def frame_of(simulation: Simulation, booked: bool) -> dict[str, np.ndarray]:
     """See :meth:`particell.simulation.Simulation.frame`; ``booked`` adds inflows."""
     p, chemistry = simulation.particles, simulation.chemistry
-    names = {"x": "position", "v": "velocity", "image": "image"}
-    if not simulation.static:
-        names |= {"density": "density", "pressure": "pressure"}
-    frame = {shown: p.by_id(name) for name, shown in names.items()}
-    if chemistry:
-        order = np.argsort(p.host("id"))
-        for name, s in chemistry.species.items():
-            frame[f"concentration/{name}"] = chemistry.concentration(name)[order]
-            if s.molecules:
-                frame[f"count/{name}"] = chemistry.count(name)[order]
-            if booked:
-                frame[f"inflow/{name}"] = _booked(simulation, name)
+    order = np.argsort(p.host("id"))
+    frame = {"position": p.by_id("x"), "image": p.by_id("image")}
+    frame |= {name: field_of(simulation, name)[order] for name in field_names_of(simulation)}
+    if booked and chemistry:
+        frame |= {f"inflow/{name}": _booked(simulation, name) for name in chemistry.species}
     return frame
 
 

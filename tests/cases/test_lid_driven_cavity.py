@@ -36,8 +36,9 @@ def test_lid_keeps_its_place_and_drives_the_flow(small):
     lid = run.group(f"wall-{LID}")
     assert np.array_equal(run.field("position")[0][lid], run.field("position")[-1][lid])
     assert np.all(run.field("velocity")[-1][lid] == (case.speed, 0.0))
-    u = results.mean_velocity(case, run, np.array([[0.5, 0.5], [0.5, 0.95]]))[:, 0]
-    assert u[0] < -0.1 and u[1] > 0.5
+    y = results.places(case)["vertical"][:, 1]
+    u = results.mean_velocity(case, run, "vertical")[:, 0]
+    assert np.interp(0.5, y, u) < -0.1 and np.interp(0.95, y, u) > 0.5
 
 
 def test_metrics_and_figures(small, tmp_path):
@@ -53,10 +54,10 @@ def test_corner_vortex_of_a_given_flow(small, monkeypatch):
     """A shear that changes its sign at 0.2 on all walls is found there."""
     case, _, run = small
 
-    def velocity(case, run, star):
-        x, y = star.T
+    def velocity(case, run, where):
+        x, y = np.moveaxis(results.places(case)[where], -1, 0)
         away = np.minimum(x, 1 - x)
-        return np.stack([y * (0.2 - away), away * (0.2 - y)], axis=1)
+        return np.stack([y * (0.2 - away), away * (0.2 - y)], axis=-1)
 
     monkeypatch.setattr(results, "mean_velocity", velocity)
     for size in results.corner_sizes(case, run).values():

@@ -211,15 +211,18 @@ def _fit(
             for b in range(a + 1):
                 moments[:, a, b] = moments[:, b, a] = total(weighted[a] * basis[b])
         right = np.stack([np.stack([total(w * d) for d in deviations], -1) for w in weighted], 1)
-        correction, solvable = _value_of_linear_fit(moments, right, found)
+        correction, solvable = value_of_linear_fit(moments, right, found)
         mean[solvable] += correction
     return mean.reshape((n, *values.shape[1:]))
 
 
-def _value_of_linear_fit(
+def value_of_linear_fit(
     moments: np.ndarray, right: np.ndarray, found: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """First unknown of the normal equations, and where they can be solved."""
+    """First unknown of normal equations (n, k, k) and (n, k, columns), and where it is determined.
+
+    Returns (number determined, columns) and a mask (n,). ``found`` marks those to look at.
+    """
     # The moments scale as 1, r, r^2: compare them as a correlation does.
     scale = np.sqrt(np.maximum(np.einsum("nkk->nk", moments), 1e-300))
     balanced = moments / (scale[:, :, None] * scale[:, None, :])

@@ -1,8 +1,7 @@
 """What the lid-driven cavity is compared with, and its figures.
 
-Velocities are interpolated from the fluid's particles alone (first-order moving least squares) in
-each of the last frames, and averaged. Points on the walls, where the velocity is given, do not
-count.
+Velocities are those of the fluid's particles alone, averaged over time at points inside
+(:mod:`particell.averages`). Points on the walls, where the velocity is given, do not count.
 """
 
 from __future__ import annotations
@@ -34,6 +33,8 @@ PAPER_CORNERS = dict(zip(CORNERS, (0.20, 0.15, 0.30, 0.35), strict=True))
 #: Limits of the arrangement in spacings: the largest void has the size of a missing particle, and
 #: the closest pair half a spacing.
 VOID_LIMIT, CLOSEST_LIMIT = 1.0, 0.5
+#: Points along a centreline in figures.
+FINE = 161
 #: Ghia's value of u at Re = 10000 and y = 1/2 is thought to be misprinted.
 MISPRINT = (10000, 0.5)
 
@@ -50,17 +51,54 @@ class Line(NamedTuple):
     fem: np.ndarray
 
 
-def last_frames(case: LidDrivenCavity, run: Run) -> list[int]:
-    """The frames that are averaged over."""
-    return list(range(max(1, len(run) - case.frames), len(run)))
+def places(case: LidDrivenCavity) -> dict[str, np.ndarray]:
+    """Points over L at which velocities are averaged, by name.
+
+    Both centrelines at Ghia's points (``"u"``, ``"v"``) and finely (``"vertical"``,
+    ``"horizontal"``); what :func:`corner_sizes` needs, (4, 2, n, 2): next to the walls in the order
+    of :data:`CORNERS`, one and two spacings away; a grid of cells, (n, n, 2).
+    """
+    found = {}
+    for component in "uv":
+        s = ghia_places(case, component)
+        half = np.full_like(s, 0.5)
+        found[component] = np.stack([half, s] if component == "u" else [s, half], axis=1)
+    fine = np.linspace(0.5 / case.resolution, 1 - 0.5 / case.resolution, FINE)
+    half = np.full_like(fine, 0.5)
+    found["vertical"] = np.stack([half, fine], axis=1)
+    found["horizontal"] = np.stack([fine, half], axis=1)
+    along, near = corner_places(case)
+    lines = []
+    for off in near:
+        away = np.full_like(along, off)
+        sides = ((along, away), (away, along), (1 - along, away), (1 - away, along))
+        lines.append([np.stack(side, axis=1) for side in sides])
+    found["corners"] = np.swapaxes(np.array(lines), 0, 1)
+    number = min(2 * case.resolution, 200)
+    star = (np.arange(number) + 0.5) / number
+    found["map"] = np.stack(np.meshgrid(star, star, indexing="ij"), axis=-1)
+    return found
 
 
-def mean_velocity(case: LidDrivenCavity, run: Run, star: np.ndarray) -> np.ndarray:
-    """Averaged velocity over U at points (m, 2) over L."""
-    frames = last_frames(case, run)
-    points = star * case.length
-    total = sum(run.on_points("velocity", points, k, groups=["fluid"]) for k in frames)
-    return np.asarray(total) / (len(frames) * case.speed)
+def mean_velocity(case: LidDrivenCavity, run: Run, where: str) -> np.ndarray:
+    """Averaged velocity over U at one of the :func:`places`."""
+    frames = range(max(1, len(run) - case.frames), len(run))
+    return run.average("velocity", where, frames) / case.speed
+
+
+def ghia_places(case: LidDrivenCavity, component: str) -> np.ndarray:
+    """Ghia's points inside the cavity along a centreline, over L."""
+    s = reference.load(f"lid_driven_cavity_ghia_{component}")["y" if component == "u" else "x"]
+    inner = (s > 0) & (s < 1)
+    if component == "u" and tabulated(case) == MISPRINT[0]:
+        inner &= s != MISPRINT[1]
+    return s[inner]
+
+
+def corner_places(case: LidDrivenCavity) -> tuple[np.ndarray, tuple[float, float]]:
+    """Distances from the corners, and from the walls, at which the walls' shear is measured."""
+    d = 1.0 / case.resolution
+    return np.linspace(2 * d, 0.48, 4 * case.resolution), (d, 2 * d)
 
 
 def tabulated(case: LidDrivenCavity) -> int | None:
@@ -70,19 +108,12 @@ def tabulated(case: LidDrivenCavity) -> int | None:
 
 def centreline(case: LidDrivenCavity, run: Run, component: str) -> Line:
     """u along x = 1/2 (``"u"``) or v along y = 1/2 (``"v"``) at Ghia's points inside."""
-    table = reference.load(f"lid_driven_cavity_ghia_{component}")
-    s = table["y" if component == "u" else "x"]
-    number = tabulated(case)
-    inner = (s > 0) & (s < 1)
-    if component == "u" and number == MISPRINT[0]:
-        inner &= s != MISPRINT[1]
-    s = s[inner]
-    half = np.full_like(s, 0.5)
-    points = np.stack([half, s] if component == "u" else [s, half], axis=1)
-    value = mean_velocity(case, run, points)[:, 0 if component == "u" else 1]
+    s, number = ghia_places(case, component), tabulated(case)
+    value = mean_velocity(case, run, component)[:, 0 if component == "u" else 1]
     ghia = fem = np.full_like(s, np.nan)
     if number is not None:
-        ghia = table[f"{component}_{number}"][inner]
+        table = reference.load(f"lid_driven_cavity_ghia_{component}")
+        ghia = table[f"{component}_{number}"][np.isin(table["y" if component == "u" else "x"], s)]
         solution = reference.load("lid_driven_cavity_fem")
         fem = np.interp(s, solution["s"], solution[f"{component}_{number}"])
     return Line(s, value, ghia, fem)
@@ -100,19 +131,11 @@ def corner_sizes(case: LidDrivenCavity, run: Run) -> dict[str, float]:
     The shear is the derivative of the parabola through the wall's zero velocity and those one and
     two spacings away. NaN where the shear does not change sign up to 0.48 L from the corner.
     """
-    d = 1.0 / case.resolution
-    s = np.linspace(2 * d, 0.48, 4 * case.resolution)
-    near = [np.full_like(s, k * d) for k in (1, 2)]
-    places = {
-        "left_width": ([(s, e) for e in near], 0),
-        "left_height": ([(e, s) for e in near], 1),
-        "right_width": ([(1 - s, e) for e in near], 0),
-        "right_height": ([(1 - e, s) for e in near], 1),
-    }
+    s, _ = corner_places(case)
+    mean = mean_velocity(case, run, "corners")
     found = {}
-    for name, (points, component) in places.items():
-        one, two = (mean_velocity(case, run, np.stack(p, axis=1))[:, component] for p in points)
-        shear = 2 * one - 0.5 * two
+    for name, (one, two), component in zip(CORNERS, mean, (0, 1, 0, 1), strict=True):
+        shear = 2 * one[:, component] - 0.5 * two[:, component]
         change = np.flatnonzero(shear[:-1] * shear[1:] < 0)
         if len(change) == 0:
             found[name] = float("nan")
@@ -172,10 +195,9 @@ def figures(case: LidDrivenCavity, run: Run, directory: Path) -> list[Path]:
 @plots.styled
 def _profiles_figure(case: LidDrivenCavity, run: Run):
     figure, (left, right) = plots.new_figure(7.0, 3.2, columns=2)
-    fine = np.linspace(0.5 / case.resolution, 1 - 0.5 / case.resolution, 161)
-    half = np.full_like(fine, 0.5)
-    vertical = mean_velocity(case, run, np.stack([half, fine], axis=1))[:, 0]
-    horizontal = mean_velocity(case, run, np.stack([fine, half], axis=1))[:, 1]
+    fine = places(case)["vertical"][:, 1]
+    vertical = mean_velocity(case, run, "vertical")[:, 0]
+    horizontal = mean_velocity(case, run, "horizontal")[:, 1]
     left.plot(vertical, fine, "-", label=f"{case.resolution}²")
     right.plot(fine, horizontal, "-", label=f"{case.resolution}²")
     number = tabulated(case)
@@ -197,10 +219,8 @@ def _profiles_figure(case: LidDrivenCavity, run: Run):
 @plots.styled
 def _speed_figure(case: LidDrivenCavity, run: Run):
     figure, axes = plots.new_figure(4.6, 3.8)
-    number = min(2 * case.resolution, 200)
-    star = (np.arange(number) + 0.5) / number
-    points = np.stack(np.meshgrid(star, star, indexing="ij"), axis=-1).reshape(-1, 2)
-    v = mean_velocity(case, run, points).reshape(number, number, 2)
+    star = places(case)["map"][:, 0, 0]
+    v = mean_velocity(case, run, "map")
     speed = np.linalg.norm(v, axis=-1)
     mesh = axes.pcolormesh(star, star, speed.T, shading="nearest", vmin=0, vmax=1)
     axes.streamplot(

@@ -29,6 +29,8 @@ from particell.units import field_unit
 # The oldest format that has SWMR, so that programs with an older HDF5 library can read the file.
 LIBVER = ("v110", "latest")
 PARTICLES = "particles/all"
+#: Below ``observables``: a group for each :class:`.TimeAverage`, with its points and its fields.
+AVERAGES = "averages"
 CHUNK_BYTES = 1 << 16
 
 UNIT_ATTRIBUTE = "si_unit"
@@ -144,10 +146,18 @@ def write_box(particles: h5py.Group, domain: Domain, clock: h5py.Group) -> None:
 
 
 def create_element(parent: h5py.Group, name: str, sample: np.ndarray, clock: h5py.Group) -> None:
-    """A time series that shares step and time with all others."""
+    """A time series that shares step and time with all others; an average has its field's unit."""
     group = parent.create_group(name)
     group["step"], group["time"] = clock["step"], clock["time"]
-    create_series(group, sample, field_unit(name))
+    field = name.split("/", 2)[-1]
+    create_series(group, sample, field_unit(field if name.startswith(f"{AVERAGES}/") else name))
+
+
+def write_points(observables: h5py.Group, points: Mapping[str, np.ndarray]) -> None:
+    """Where time averages are taken."""
+    for name, places in points.items():
+        dataset = observables.create_dataset(f"{AVERAGES}/{name}/points", data=places)
+        dataset.attrs[UNIT_ATTRIBUTE] = "m"
 
 
 def create_series(group: h5py.Group, sample: np.ndarray, unit: str) -> None:

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from particell.errors import InputError
+from particell.errors import InputError, unknown_name
 from particell.geometry.domain import Domain
 from particell.output.field import Field
 from particell.output.files import read_json
+from particell.output.h5md import AVERAGES
 from particell.output.sources import FileSource, MemorySource, Source, known
 from particell.representation import block, shown, table
 from particell.units import field_unit, length_scale, observable_unit, time_scale
@@ -59,8 +60,9 @@ class Run:
         steps: Sequence[int],
         times: Sequence[float],
         frames: Sequence[Mapping[str, np.ndarray]],
-        observables: Sequence[Mapping[str, float]] = (),
+        observables: Sequence[Mapping[str, Any]] = (),
         summary: Mapping[str, Any] | None = None,
+        points: Mapping[str, np.ndarray] | None = None,
     ) -> Run:
         """A run that was not written to a directory.
 
@@ -72,10 +74,12 @@ class Run:
             One entry a frame.
         summary
             What ``summary.json`` would hold.
+        points
+            Where time averages were taken, by name.
         """
         run = cls.__new__(cls)
         run.directory = None
-        run.source = MemorySource(domain, groups, static, steps, times, frames, observables)
+        run.source = MemorySource(domain, groups, static, steps, times, frames, observables, points)
         run.__dict__["summary"] = dict(summary or {})
         return run
 
@@ -107,7 +111,23 @@ class Run:
     @property
     def observable_names(self) -> list[str]:
         """The recorded scalars."""
-        return self.source.observables()
+        return [n for n in self.source.observables() if not n.startswith(f"{AVERAGES}/")]
+
+    @property
+    def average_names(self) -> dict[str, list[str]]:
+        """The fields of each time average by its name."""
+        found: dict[str, list[str]] = {}
+        for path in self.source.observables():
+            kind, _, rest = path.partition("/")
+            if kind == AVERAGES:
+                name, _, field = rest.partition("/")
+                found.setdefault(name, []).append(field)
+        return found
+
+    @cached_property
+    def average_points(self) -> dict[str, np.ndarray]:
+        """The points (…, D) in m of each time average by its name."""
+        return self.source.points()
 
     @cached_property
     def static(self) -> dict[str, np.ndarray]:
@@ -161,6 +181,51 @@ class Run:
     def observable(self, name: str) -> np.ndarray:
         """A recorded scalar at every frame, (frames,)."""
         return self.source.observable(known("observable", name, self.observable_names))
+
+    def average(
+        self,
+        field: str = "velocity",
+        name: str | None = None,
+        frames: slice | Sequence[int] = slice(1, None),
+    ) -> np.ndarray:
+        """A field averaged in time by a :class:`.TimeAverage`.
+
+        Parameters
+        ----------
+        field
+            One of its fields.
+        name
+            Its name; not needed where the run has one only.
+        frames
+            Which frames: each holds the mean since the one before, and the first one the state at
+            the start. They count alike.
+
+        Returns
+        -------
+        numpy.ndarray
+            (…) or (…, D), as its points; NaN where no particle was in reach in any of the frames.
+
+        Raises
+        ------
+        InputError
+            For unknown names, and where no frame is left.
+        """
+        averages = self.average_names
+        if not averages:
+            raise InputError("average", name or field, "of a run that was given 'averages'")
+        if name is None and len(averages) == 1:
+            name = next(iter(averages))
+        if name is None or name not in averages:
+            raise unknown_name("average", str(name), averages)
+        known("field", field, averages[name])
+        chosen = np.arange(len(self))[frames]
+        if not chosen.size:
+            raise InputError("frames", frames, f"some of the {len(self)} frames")
+        series = self.source.observable(f"{AVERAGES}/{name}/{field}")[chosen]
+        there = ~np.isnan(series)
+        total = np.where(there, series, 0.0).sum(axis=0)
+        number = there.sum(axis=0)
+        return np.where(number > 0, total / np.maximum(number, 1), np.nan)
 
     def group(self, *names: str) -> np.ndarray:
         """Boolean mask (n,) of the particles of one or several groups."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from particell.errors import unknown_name
 from particell.geometry.domain import AXES, Domain
-from particell.output.h5md import PARTICLES, element_names, open_trajectory, text
+from particell.output.h5md import AVERAGES, PARTICLES, element_names, open_trajectory, text
 
 # What indexes the frames of a series: as NumPy does.
 Index = Any
@@ -34,6 +34,7 @@ class Source(Protocol):
     def shape(self, name: str) -> tuple[tuple[int, ...], np.dtype]: ...
     def read(self, name: str, index: Index) -> np.ndarray: ...
     def observable(self, name: str) -> np.ndarray: ...
+    def points(self) -> dict[str, np.ndarray]: ...
     def static(self) -> dict[str, np.ndarray]: ...
 
 
@@ -48,10 +49,11 @@ class MemorySource:
         steps: Sequence[int],
         times: Sequence[float],
         frames: Sequence[Mapping[str, np.ndarray]],
-        observables: Sequence[Mapping[str, float]],
+        observables: Sequence[Mapping[str, Any]],
+        points: Mapping[str, np.ndarray] | None = None,
     ):
         self.domain, self.groups = domain, list(groups)
-        self._static = dict(static)
+        self._static, self._points = dict(static), dict(points or {})
         self._steps, self._times = steps, times
         self._frames, self._observables = frames, observables
 
@@ -86,6 +88,9 @@ class MemorySource:
 
     def observable(self, name: str) -> np.ndarray:
         return np.array([values[name] for values in self._observables], float)
+
+    def points(self) -> dict[str, np.ndarray]:
+        return self._points
 
     def static(self) -> dict[str, np.ndarray]:
         return self._static
@@ -154,6 +159,11 @@ class FileSource:
     def observable(self, name: str) -> np.ndarray:
         with self._open() as (file, n):
             return file[f"observables/{name}/value"][:n]
+
+    def points(self) -> dict[str, np.ndarray]:
+        with self._open() as (file, _):
+            group = file.get(f"observables/{AVERAGES}", {})
+            return {name: average["points"][()] for name, average in group.items()}
 
     def static(self) -> dict[str, np.ndarray]:
         with self._open() as (file, _):

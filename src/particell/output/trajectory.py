@@ -36,6 +36,7 @@ from particell.output.h5md import (
     open_trajectory,
     write_box,
     write_header,
+    write_points,
     write_position,
     write_static,
 )
@@ -59,6 +60,8 @@ class TrajectoryWriter:
         Who made the file.
     parameters
         JSON text describing the run, kept under ``parameters/run``.
+    points
+        Where time averages are taken, by name.
     """
 
     def __init__(
@@ -69,9 +72,10 @@ class TrajectoryWriter:
         groups: Sequence[str],
         author: str = "",
         parameters: str = "{}",
+        points: Mapping[str, np.ndarray] | None = None,
     ):
         self.path = Path(path)
-        self._header = (domain, dict(static), list(groups), author, parameters)
+        self._header = (domain, dict(static), list(groups), author, parameters, dict(points or {}))
         self._file: h5py.File | None = None
         self._frames = 0
         self._names: tuple[list[str], list[str]] = ([], [])
@@ -81,7 +85,7 @@ class TrajectoryWriter:
         step: int,
         time: float,
         frame: Mapping[str, np.ndarray],
-        observables: Mapping[str, float],
+        observables: Mapping[str, Any],
     ) -> None:
         """Add a frame and flush it.
 
@@ -92,7 +96,7 @@ class TrajectoryWriter:
         frame
             Fields of n rows in the order of persistent ids; the same fields in every frame.
         observables
-            Scalars; the same ones in every frame.
+            Scalars, and means under ``averages/NAME/FIELD``; the same ones in every frame.
 
         Raises
         ------
@@ -175,17 +179,18 @@ class TrajectoryWriter:
                 raise OutputError(f"cannot write {path}: {reason(error)}") from error
         return writer
 
-    def _reserve(self, frame: Mapping[str, Any], observables: Mapping[str, float]) -> None:
+    def _reserve(self, frame: Mapping[str, Any], observables: Mapping[str, Any]) -> None:
         """Refuse a frame that there is no room for: of every series a chunk may be new."""
         sizes = [np.asarray(values).nbytes for values in (*frame.values(), *observables.values())]
         begin = self.path.stat().st_size if self._file is not None else 0
         if self._file is None:
-            sizes += [np.asarray(values).nbytes for values in self._header[1].values()]
+            fixed = (*self._header[1].values(), *self._header[5].values())
+            sizes += [np.asarray(values).nbytes for values in fixed]
         chunks = sum(max(size, CHUNK_BYTES) + SLACK_EACH for size in sizes)
         reserve(self.path, chunks + 4 * SLACK, begin)
 
-    def _create(self, frame: Mapping[str, np.ndarray], observables: Mapping[str, float]) -> None:
-        domain, static, groups, author, parameters = self._header
+    def _create(self, frame: Mapping[str, np.ndarray], observables: Mapping[str, Any]) -> None:
+        domain, static, groups, author, parameters, points = self._header
         if "position" not in frame:
             raise ValueError("a frame needs the field 'position'")
         # In SWMR mode nothing can be created, so everything is before it starts.
@@ -198,8 +203,10 @@ class TrajectoryWriter:
             for name, values in frame.items():
                 if name != "position":
                     create_element(particles, name, np.asarray(values), clock)
-            for name in observables:
-                create_element(file.require_group("observables"), name, np.zeros(()), clock)
+            for name, value in observables.items():
+                create_element(file.require_group("observables"), name, np.asarray(value), clock)
+            if points:
+                write_points(file["observables"], points)
         self._frames = 0
 
     @contextlib.contextmanager

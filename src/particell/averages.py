@@ -1,0 +1,293 @@
+r"""Fields averaged in time at points that do not move, while a simulation runs.
+
+Particles that come within reach of a point :math:`x`, at any of the instants between two frames at
+which samples are taken, contribute to the sums
+
+.. math:: M_{ab} = \sum w_j b_a b_b, \quad R_a = \sum w_j b_a A_j, \qquad
+          b = (1,\; x_j - x), \quad w_j = V_j W(|x_j - x|, h_j).
+
+The mean is the value at :math:`x` of the linear function that fits all those :math:`A_j` best in
+the sense of these weights: moving least squares over space and time at once. It is exact for steady
+linear fields, at walls too, and every particle counts as much as it would in
+:mod:`particell.analysis.fields`. Sums, not particles, are kept, so that many samples cost little.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from particell import snapshot
+from particell.analysis.fields import value_of_linear_fit
+from particell.checks import checked, not_negative, positive
+from particell.compute.device import Device
+from particell.compute.loop import particle_loop
+from particell.compute.neighbours import axis_cells, counting_sort, wrap_cell
+from particell.compute.rounding import nearest_integer
+from particell.errors import InputError, unknown_name
+from particell.kernels import kernel_code, shape_w
+
+if TYPE_CHECKING:
+    from particell.simulation import Simulation
+
+
+@checked
+@dataclass(frozen=True, eq=False)
+class TimeAverage:
+    """What :meth:`.Simulation.run` averages in time; read it back with :meth:`.Run.average`.
+
+    Parameters
+    ----------
+    points
+        Where, (…, D), in m: any shape, such as what :func:`particell.analysis.fields.grid` gives.
+    fields
+        Names as in a run's frames: ``"velocity"``, ``"pressure"``, ``"concentration/L"``, ….
+    samples
+        Samples between two frames, equally spaced in time; the last one is at the frame. There
+        may be more, up to twice as many, as time steps are not divided, and never more than time
+        steps.
+    after
+        Time in s from which on; before it the state at each frame is all that is sampled.
+    groups
+        The groups whose particles carry the fields; by default all.
+    name
+        By which it is asked for where a run has several.
+    kernel
+        Name of the weights' kernel; its support is that of the particles.
+
+    Raises
+    ------
+    InputError
+        Where a value is not allowed.
+    """
+
+    points: np.ndarray
+    fields: Sequence[str] = ("velocity",)
+    samples: int = 20
+    after: float = 0.0
+    groups: Sequence[str] | None = None
+    name: str = "mean"
+    kernel: str = "wendland-c2"
+
+    def __post_init__(self) -> None:
+        kernel_code(self.kernel)
+        positive("samples", self.samples)
+        not_negative("after", self.after)
+        points = np.array(self.points, float)
+        if points.ndim < 2 or not points.size or not np.isfinite(points).all():
+            raise InputError("points", f"of shape {points.shape}", "finite, of shape (…, D)")
+        if not self.fields:
+            raise InputError("fields", self.fields, "at least one name")
+        if not self.name or "/" in self.name:
+            raise InputError("name", self.name, "a word without '/'")
+        object.__setattr__(self, "points", points)
+
+
+@particle_loop
+def assign_wrapped_cells(i, x, lower, inverse_cell, cells, periodic, cell, *, DIM):
+    """The cell of particle i, row-major: on a periodic axis of its image in the box."""
+    index = 0
+    for d in range(DIM):
+        c = math.floor((x[i, d] - lower[d]) * inverse_cell[d])
+        if periodic[d]:
+            c -= cells[d] * math.floor(c / cells[d])
+        index = index * cells[d] + min(max(c, 0), cells[d] - 1)
+    cell[i] = index
+
+
+@particle_loop
+def add_sums(
+    p,
+    points,
+    point_cell,
+    x,
+    values,
+    volume,
+    support,
+    order,
+    cell_start,
+    cells,
+    periodic,
+    period,
+    inverse_period,
+    scale,
+    sums,
+    *,
+    DIM,
+    KERNEL,
+    COLUMNS,
+):
+    """Add to the sums of point p: M (rows of its lower triangle), then R, in units of ``scale``."""
+    c = point_cell[p]
+    iz = c % cells[DIM - 1]
+    rest = c // cells[DIM - 1]
+    iy = rest % cells[DIM - 2] if DIM >= 2 else 0
+    ix = rest // cells[1] if DIM == 3 else 0
+    first_x, number_x = 0, 1
+    first_y, number_y = 0, 1
+    if DIM == 3:
+        first_x, number_x = axis_cells(ix, cells[0], periodic[0], 1)
+    if DIM >= 2:
+        first_y, number_y = axis_cells(iy, cells[DIM - 2], periodic[DIM - 2], 1)
+    last = cells[DIM - 1]
+    first_z, number_z = axis_cells(iz, last, periodic[DIM - 1], 1)
+    for ox in range(number_x):
+        cx = wrap_cell(first_x + ox, cells[0]) if DIM == 3 else 0
+        for oy in range(number_y):
+            cy = wrap_cell(first_y + oy, cells[DIM - 2]) if DIM >= 2 else 0
+            for oz in range(number_z):
+                other = wrap_cell(first_z + oz, last)
+                if DIM == 2:
+                    other += cy * last
+                if DIM == 3:
+                    other += (cx * cells[1] + cy) * last
+                for k in range(cell_start[other], cell_start[other + 1]):
+                    j = order[k]
+                    dx = x[j, 0] - points[p, 0]
+                    dx -= period[0] * nearest_integer(dx * inverse_period[0])
+                    dy, dz = 0.0, 0.0
+                    if DIM > 1:
+                        dy = x[j, 1] - points[p, 1]
+                        dy -= period[1] * nearest_integer(dy * inverse_period[1])
+                    if DIM > 2:
+                        dz = x[j, 2] - points[p, 2]
+                        dz -= period[2] * nearest_integer(dz * inverse_period[2])
+                    h = support[j]
+                    q = math.sqrt(dx * dx + dy * dy + dz * dz) / h
+                    if q >= 1.0 or volume[j] == 0.0:
+                        continue
+                    w = volume[j] * shape_w(q, KERNEL) / h**DIM
+                    basis = (1.0, dx / scale, dy / scale, dz / scale)
+                    m = 0
+                    for a in range(DIM + 1):
+                        for b in range(a + 1):
+                            sums[p, m] += w * basis[a] * basis[b]
+                            m += 1
+                    for a in range(DIM + 1):
+                        for s in range(COLUMNS):
+                            sums[p, m] += w * basis[a] * values[j, s]
+                            m += 1
+
+
+class RunningAverage:
+    """The sums of a :class:`TimeAverage` of one simulation; they are on the CPU.
+
+    Raises
+    ------
+    InputError
+        For unknown fields and groups, and points of another dimension.
+    """
+
+    def __init__(self, simulation: Simulation, average: TimeAverage):
+        self.simulation, self.average = simulation, average
+        domain, known = simulation.domain, snapshot.field_names_of(simulation)
+        for name in average.fields:
+            if name not in known:
+                raise unknown_name("field", name, known)
+        dim = domain.dim
+        shape = average.points.shape
+        if shape[-1] != dim:
+            raise InputError("points", f"of shape {shape}", f"of shape (…, {dim})")
+        names = simulation.group_names
+        for group in average.groups or ():
+            if group not in names:
+                raise unknown_name("group", group, names)
+        chosen = [g for g, name in enumerate(names) if name in (average.groups or names)]
+        self._chosen = np.array(chosen)
+        fields = [snapshot.field_of(simulation, name) for name in average.fields]
+        self._shapes = [values.shape[1:] for values in fields]
+        self._columns = sum(values[0].size for values in fields)
+        n, points = len(simulation.particles), average.points.reshape(-1, dim)
+        size = dim + 1
+        self.sums = np.zeros((len(points), size * (size + 1) // 2 + size * self._columns))
+        self._bind(n, points, float(simulation.particles.host("support").max()))
+
+    def _bind(self, n: int, points: np.ndarray, reach: float) -> None:
+        domain, device = self.simulation.domain, Device()
+        dim = domain.dim
+        cells = np.maximum(1, np.floor(domain.lengths / reach)).astype(np.int64)
+        while np.prod(cells.astype(float)) > 4 * n + 64:  # few particles: larger cells
+            cells = np.maximum(1, cells // 2)
+        self._cell_start = np.zeros(int(np.prod(cells)) + 1, np.int64)
+        self._order = np.zeros(n, np.int64)
+        self._now: dict[str, Any] = {
+            "x": np.zeros((n, dim)),
+            "values": np.zeros((n, self._columns)),
+            "volume": np.zeros(n),
+            "support": np.zeros(n),
+            "cell": np.zeros(n, np.int64),
+        }
+        constant = {
+            "lower": domain.lower,
+            "cells": cells,
+            "inverse_cell": cells / domain.lengths,
+            "periodic": np.asarray(domain.periodic),
+            "period": np.asarray(domain.lengths),
+            "inverse_period": np.asarray(domain.inverse_periods),
+            "points": points,
+            "point_cell": np.zeros(len(points), np.int64),
+            "order": self._order,
+            "cell_start": self._cell_start,
+            "sums": self.sums,
+            "scale": reach,
+        }
+        grid = {**constant, "x": points, "cell": constant["point_cell"]}
+        device.bind(assign_wrapped_cells, grid, DIM=dim)(len(points))
+        fields = {**constant, **self._now}
+        self._assign = device.bind(assign_wrapped_cells, fields, DIM=dim)
+        code = kernel_code(self.average.kernel)
+        constants = {"DIM": dim, "KERNEL": code, "COLUMNS": self._columns}
+        self._add = device.bind(add_sums, fields, **constants)
+
+    def due_in(self, to_frame: int, per_frame: int) -> int:
+        """Steps to the next sample, where the next frame is ``to_frame`` steps ahead."""
+        if self.simulation.time + to_frame * self.simulation.dt <= self.average.after * (1 + 1e-9):
+            return to_frame
+        interval = max(1, per_frame // self.average.samples)
+        return to_frame % interval or interval
+
+    def sample(self) -> None:
+        """Add the present state to the sums."""
+        s, now = self.simulation, self._now
+        particles = s.particles
+        now["x"][...] = particles.host("x")
+        now["support"][...] = particles.host("support")
+        np.divide(particles.host("mass"), particles.host("density"), out=now["volume"])
+        now["volume"][~np.isin(particles.host("group"), self._chosen)] = 0.0
+        column = 0
+        for name, shape in zip(self.average.fields, self._shapes, strict=True):
+            width = math.prod(shape)
+            values = snapshot.field_of(s, name).reshape(-1, width)
+            now["values"][:, column : column + width] = values
+            column += width
+        n = len(now["x"])
+        self._assign(n)
+        counting_sort(now["cell"], self._cell_start, self._order)
+        self._add(len(self.sums))
+
+    def take(self) -> dict[str, np.ndarray]:
+        """The means by field, (…) or (…, D), NaN where no particle was in reach; new sums begin."""
+        size = self.simulation.domain.dim + 1
+        rows, columns = np.tril_indices(size)
+        moments = np.empty((len(self.sums), size, size))
+        moments[:, rows, columns] = moments[:, columns, rows] = self.sums[:, : len(rows)]
+        right = self.sums[:, len(rows) :].reshape(-1, size, self._columns)
+        found = moments[:, 0, 0] > 0
+        moments /= np.where(found, moments[:, 0, 0], 1.0)[:, None, None]
+        right = right / np.where(found, self.sums[:, 0], 1.0)[:, None, None]
+        mean = np.where(found[:, None], right[:, 0], np.nan)
+        # as in analysis.fields: of deviations from the mean, so that constants come out as such
+        deviations = right - moments[:, :, :1] * right[:, :1]
+        correction, solvable = value_of_linear_fit(moments, deviations, found)
+        mean[solvable] += correction
+        self.sums[...] = 0.0
+        parts = np.split(mean, np.cumsum([math.prod(s) for s in self._shapes])[:-1], axis=1)
+        outer = self.average.points.shape[:-1]
+        return {
+            name: part.reshape(outer + shape)
+            for name, part, shape in zip(self.average.fields, parts, self._shapes, strict=True)
+        }

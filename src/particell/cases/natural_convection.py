@@ -71,7 +71,14 @@ class NaturalConvection(Case):
         {"resolution": 81, "rayleigh": 1e4, "driven_by": "molecules"},
         {"resolution": 81, "rayleigh": 1e5, "end": 40.0, "driven_by": "molecules"},
         *(
-            {"scheme": "transport-velocity", "resolution": 200, "every_star": 0.5, **more}
+            # as many molecules in all as at 81²
+            {
+                "scheme": "transport-velocity",
+                "resolution": 200,
+                "every_star": 0.5,
+                "molecules": 64,
+                **more,
+            }
             for more in (
                 {"rayleigh": 1e4},
                 {"rayleigh": 1e5, "end": 40.0},

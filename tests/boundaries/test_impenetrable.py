@@ -162,7 +162,7 @@ def at_rest(kind, scheme, chosen):
 
     bounces = []
     fire()
-    assert sum(bounces) > 50
+    assert sum(bounces) > (50 if chosen is examples else 10)
 
 
 @pytest.mark.parametrize("kind", ["slab", "circle", "block", "room", "gear"])

@@ -37,7 +37,8 @@ def tables() -> str:
         for model in models:
             for key, inner in model.model_fields.items():
                 if found := list(models_of(inner)):
-                    parts.append(f"### `{key}` of a {kinds(model)}\n\n{inner.description}\n")
+                    owner = f"a {kinds(model)}" if "type" in model.model_fields else f"`{title}`"
+                    parts.append(f"### `{key}` of {owner}\n\n{inner.description}\n")
                     parts += [table(one) for one in found]
     return "\n".join(parts)
 

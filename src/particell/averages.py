@@ -87,6 +87,31 @@ class TimeAverage:
         object.__setattr__(self, "points", points)
 
 
+def check_averages(simulation: Simulation, averages: Sequence[TimeAverage]) -> None:
+    """Refuse averages that a simulation cannot have.
+
+    Raises
+    ------
+    InputError
+        For unknown fields and groups, points of another dimension, and names used twice.
+    """
+    names = [average.name for average in averages]
+    if len(set(names)) < len(names):
+        raise InputError("averages", names, "with a name each")
+    known, groups = snapshot.field_names_of(simulation), simulation.group_names
+    dim = simulation.domain.dim
+    for average in averages:
+        for name in average.fields:
+            if name not in known:
+                raise unknown_name("field in averages", name, known)
+        for group in average.groups or ():
+            if group not in groups:
+                raise unknown_name("group in averages", group, groups)
+        shape = average.points.shape
+        if shape[-1] != dim:
+            raise InputError("points in averages", f"of shape {shape}", f"of shape (…, {dim})")
+
+
 @particle_loop
 def assign_wrapped_cells(i, x, lower, inverse_cell, cells, periodic, cell, *, DIM):
     """The cell of particle i, row-major: on a periodic axis of its image in the box."""
@@ -174,28 +199,11 @@ def add_sums(
 
 
 class RunningAverage:
-    """The sums of a :class:`TimeAverage` of one simulation; they are on the CPU.
-
-    Raises
-    ------
-    InputError
-        For unknown fields and groups, and points of another dimension.
-    """
+    """The sums of a :class:`TimeAverage` of one simulation; they are on the CPU."""
 
     def __init__(self, simulation: Simulation, average: TimeAverage):
         self.simulation, self.average = simulation, average
-        domain, known = simulation.domain, snapshot.field_names_of(simulation)
-        for name in average.fields:
-            if name not in known:
-                raise unknown_name("field", name, known)
-        dim = domain.dim
-        shape = average.points.shape
-        if shape[-1] != dim:
-            raise InputError("points", f"of shape {shape}", f"of shape (…, {dim})")
-        names = simulation.group_names
-        for group in average.groups or ():
-            if group not in names:
-                raise unknown_name("group", group, names)
+        dim, names = simulation.domain.dim, simulation.group_names
         chosen = [g for g, name in enumerate(names) if name in (average.groups or names)]
         self._chosen = np.array(chosen)
         fields = [snapshot.field_of(simulation, name) for name in average.fields]

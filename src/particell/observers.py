@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from tqdm import tqdm
 
-from particell.averages import RunningAverage, TimeAverage
+from particell.averages import RunningAverage, TimeAverage, check_averages
 from particell.checks import checked, not_negative, positive
 from particell.compute import neighbours
 from particell.compute.cache import cache_directory
@@ -242,16 +242,14 @@ def _running(
 ) -> list[RunningAverage]:
     """The sums of averages, of a resumed run as they were at its checkpoint."""
     chosen = [averages] if isinstance(averages, TimeAverage) else list(averages)
-    names = [average.name for average in chosen]
-    if len(set(names)) < len(names):
-        raise InputError("averages", names, "with a name each")
+    check_averages(simulation, chosen)
     running = [RunningAverage(simulation, average) for average in chosen]
     if resumed:
         saved = simulation.resumed_averages
         same = {a.average.name: a.sums.shape for a in running}
         if same != {name: sums.shape for name, sums in saved.items()}:
             allowed = f"as when the run began: {', '.join(saved) or 'none'}"
-            raise InputError("averages", names, allowed)
+            raise InputError("averages", list(same), allowed)
         for average in running:
             average.sums[...] = saved[average.average.name]
     return running

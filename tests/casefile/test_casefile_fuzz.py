@@ -117,6 +117,10 @@ def rich() -> dict:
         {"type": "Buoyancy", "species": "dye", "expansion": 1e-3, "gravity": [0, -9.81]}
     ]
     content["simulation"] = {"dt": "auto", "splitting": "strang"}
+    content["averages"] = [
+        {"fields": ["velocity", "concentration/dye"], "grid": [3, 2], "samples": 2},
+        {"line": {"start": [0, 0], "end": [0, "= height"], "points": 3}, "name": "line"},
+    ]
     content["stop"] = {"observable": "kinetic_energy", "interval": 1}
     return content
 

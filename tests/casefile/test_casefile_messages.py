@@ -164,6 +164,18 @@ def _plane() -> dict:
     return {"point": [0, 0, 0], "normal": [0, 0, 1]}
 
 
+def test_averages():
+    refused("one of grid, line, points", averages=[{"fields": ["velocity"]}])
+    refused("one of grid", averages=[{"grid": [2, 2], "points": [[0, 0]]}])
+    refused("did you mean 'velocity'", averages=[{"fields": ["velocty"], "grid": [2, 2]}])
+    refused("averages", "a name each", averages=[{"grid": [2, 2]}] * 2)
+    refused("points", "of 2 numbers", averages=[{"points": [[0, 0, 0]]}])
+    refused("group in averages", averages=[{"grid": [2, 2], "groups": ["water"]}])
+    refused("shape", "averages #1", averages=[{"grid": [2, 2, 2]}])
+    refused("at most", averages=[{"grid": [10**9, 10**9]}])
+    refused("kernel", averages=[{"grid": [2, 2], "kernel": "gauss"}])
+
+
 def test_command_line(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "my.toml").write_text(document(changed(domain__uper=1)))

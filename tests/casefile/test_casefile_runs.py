@@ -12,9 +12,10 @@ import pytest
 from case_files import case, changed, document, small
 
 import particell as pc
+from particell.analysis import fields
 from particell.casefile import boundaries, chemistry, domain, fills, phases, schemes, shapes
 from particell.casefile.case import FileCase
-from particell.casefile.running import RunTable, SimulationTable, StopTable
+from particell.casefile.running import AverageTable, RunTable, SimulationTable, StopTable
 from particell.cases.base import Context
 from particell.cases.yeast_channel import YeastChannel
 from particell.cli import call, described_case
@@ -54,6 +55,7 @@ PAIRS = [
     (boundaries.FluxWallTable, pc.FluxWall, ()),
     (boundaries.BuoyancyTable, pc.Buoyancy, ()),
     (StopTable, pc.SteadyState, ()),
+    (AverageTable, pc.TimeAverage, ()),
 ]
 
 
@@ -63,7 +65,8 @@ def test_tables_have_the_parameters_of_what_they_make(table, made, without):
     assert set(parameters) - set(without) <= set(table.model_fields)
     for name, info in table.model_fields.items():
         assert info.description, name
-        if name in parameters and name not in ("velocity", "fixed", "seed", "volume"):
+        other = ("velocity", "fixed", "seed", "volume", "points")  # made of something else
+        if name in parameters and name not in other:
             default = parameters[name].default
             factory = info.default_factory is not None or name == "equation"
             assert factory or info.is_required() or info.default == default, name
@@ -73,7 +76,8 @@ def test_tables_of_the_simulation():
     whole = set(SimulationTable.model_fields) | {"seed", "device"}
     tables = set(FileCase.model_fields) - {"simulation", "stop", "run", "constants"}
     assert set(inspect.signature(Simulation).parameters) <= whole | tables
-    options = set(RunTable.model_fields) | {"self", "out", "progress", "stop", "overwrite"}
+    options = set(RunTable.model_fields) | {"self", "out", "progress", "overwrite"}
+    options |= set(FileCase.model_fields) & {"stop", "averages"}
     assert set(inspect.signature(Simulation.run).parameters) <= options
 
 
@@ -273,3 +277,36 @@ def test_stop(tmp_path):
     path.write_text(document(file.model_dump(mode="json", exclude_none=True)))
     assert call(["run", str(path), "--out", str(tmp_path / "o"), "--no-progress"]) == 0
     assert len(Run(tmp_path / "o")) == 3  # a change is between two frames
+
+
+def test_averages(tmp_path):
+    """The bits of Python's, on a grid, a line and at points."""
+    line = {"start": [1e-5, 0], "end": [1e-5, "= height"], "points": 5}
+    file = case(
+        run={"until": "0.4 ms", "every": "0.2 ms", "checkpoint_every": 5},
+        averages=[
+            {"grid": [3, 2], "fields": ["velocity", "concentration/dye"], "samples": 3},
+            {"line": line, "name": "line", "groups": ["fluid"], "after": "0.2 ms"},
+            {"points": [[0, "= height / 2"]], "name": "one", "kernel": "lucy"},
+        ],
+    )
+    path = tmp_path / "averages.toml"
+    path.write_text(document(file.model_dump(mode="json", exclude_none=True)))
+    assert call(["run", str(path), "--out", str(tmp_path / "o"), "--no-progress"]) == 0
+    run = Run(tmp_path / "o")
+    assert run.average("concentration/dye", "mean").shape == (3, 2)
+    simulation = file.build(Context())
+    height = simulation.domain.upper[1]
+    averages = [
+        pc.TimeAverage(
+            fields.grid(simulation.domain, (3, 2)), ["velocity", "concentration/dye"], samples=3
+        ),
+        pc.TimeAverage(
+            fields.line((1e-5, 0), (1e-5, height), 5), name="line", groups=["fluid"], after=2e-4
+        ),
+        pc.TimeAverage(np.array([[0.0, height / 2]]), name="one", kernel="lucy"),
+    ]
+    ours = simulation.run(file.until, file.every, progress=False, averages=averages)
+    for name, names in run.average_names.items():
+        for field in names:
+            assert np.array_equal(run.average(field, name), ours.average(field, name)), name

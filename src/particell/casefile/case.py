@@ -9,6 +9,7 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from particell.averages import TimeAverage, check_averages
 from particell.casefile import results
 from particell.casefile.boundaries import BoundaryTable, ForceTable
 from particell.casefile.checks import TOO_NEAR, check_sound, check_steps
@@ -19,13 +20,14 @@ from particell.casefile.fills import FillTable
 from particell.casefile.messages import input_error
 from particell.casefile.ordered import resolve_all
 from particell.casefile.phases import PhaseTable
-from particell.casefile.running import RunTable, SimulationTable, StopTable
+from particell.casefile.running import AverageTable, RunTable, SimulationTable, StopTable
 from particell.casefile.schemes import SchemeTable
 from particell.casefile.scope import Scope, known
 from particell.casefile.shapes import ShapeTable
 from particell.casefile.table import Name, place_of, within
 from particell.cases.base import Case, Context, Metric
 from particell.errors import InputError, unknown_name
+from particell.geometry.domain import Domain
 from particell.output.run import Run
 from particell.phases import Phase
 from particell.setup import check_overlap
@@ -89,6 +91,8 @@ class FileCase(Case):
     """How long it runs, and what it writes."""
     stop: StopTable | None = None
     """When it stops early."""
+    averages: list[AverageTable] = Field(default_factory=list)
+    """Fields averaged in time."""
 
     reference: ClassVar[str] = ""
 
@@ -127,7 +131,15 @@ class FileCase(Case):
     def run_options(self) -> dict[str, Any]:
         """See :class:`~particell.cases.base.Case`."""
         stop = {"stop": self.stop.build()} if self.stop else {}
-        return {"checkpoint_every": self.run.checkpoint_every, **stop}
+        averages = self._averages(self.domain.build())
+        return {"checkpoint_every": self.run.checkpoint_every, "averages": averages, **stop}
+
+    def _averages(self, domain: Domain) -> list[TimeAverage]:
+        made = []
+        for k, table in enumerate(self.averages):
+            with within(place_of("averages", k)):
+                made.append(table.build(domain))
+        return made
 
     def scope(self) -> Scope:
         """Constants, domain, materials and shapes, to which everything else refers."""
@@ -215,6 +227,7 @@ class FileCase(Case):
         check_steps(simulation, self.until, self.every)
         if self.stop is not None:
             known("observable in stop", self.stop.observable, simulation.observables())
+        check_averages(simulation, self._averages(scope.domain))
         return simulation
 
     def _phases(self, scope: Scope) -> list[Phase]:

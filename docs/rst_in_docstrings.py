@@ -18,6 +18,7 @@ _INLINE = re.compile(r":math:`([^`]+)`")
 _REFERENCE = re.compile(r":(?:class|func|meth|mod|attr|data):`(~?)([^`]+)`")
 _TABLE = re.compile(r"^=+(?: +=+)+ *\n((?:.+\n)+?)=+(?: +=+)+ *$", re.MULTILINE)
 _CODE = re.compile(r"::\n(?=\n +\S)")
+_DOCTEST = re.compile(r"^( *)>>> .*\n(?:\1\S.*\n)*", re.MULTILINE)
 _PARAMETERS = re.compile(r"^(?:Other )?Parameters\n-+\n((?:(?!^.+\n-+\n).*\n)*)", re.MULTILINE)
 _TOGETHER = re.compile(r"^([*\w]+(?:, [*\w]+)+)\n((?:(?: .*)?\n)+)", re.MULTILINE)
 
@@ -48,6 +49,12 @@ def _table(found: re.Match[str]) -> str:
     return "\n".join(f"| {row} |" for row in (empty, dashes, *rows))
 
 
+def _doctest(found: re.Match[str]) -> str:
+    indent = found.group(1)
+    lines = re.sub(r"[ \t]*# doctest:.*", "", found.group(0))
+    return f"{indent}```pycon\n{lines}{indent}```\n"
+
+
 def _one_by_one(found: re.Match[str]) -> str:
     names, description = found.groups()
     return "".join(f"{name}\n{description}" for name in names.split(", "))
@@ -56,6 +63,7 @@ def _one_by_one(found: re.Match[str]) -> str:
 def markdown(text: str) -> str:
     """A docstring's text with its reStructuredText replaced by Markdown."""
     text = _PARAMETERS.sub(lambda m: _TOGETHER.sub(_one_by_one, m.group(0)), text + "\n")
+    text = _DOCTEST.sub(_doctest, text)
     text = _BLOCK.sub(_math, text)
     text = _TABLE.sub(_table, text)
     text = _INLINE.sub(lambda m: f"${' '.join(m.group(1).split())}$", text)

@@ -37,7 +37,7 @@ tests: $(VENV)/.test
 	$(BIN)/python -m pytest $(PYTEST_FLAGS)
 
 docs: $(VENV)/.docs
-	$(BIN)/python -m mkdocs build --quiet --strict --site-dir "$(abspath $(SITE))"
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict --site-dir "$(abspath $(SITE))"
 	@echo "documentation in $(SITE)/index.html"
 
 docs-tools: $(VENV)/.docs

@@ -1,7 +1,9 @@
 """For the reference pages: what docstrings hold of reStructuredText, as Markdown.
 
 Docstrings follow numpydoc: mathematics as ``:math:`` and ``.. math::``, references as
-``:class:`name```, tables between lines of ``=``. The site is made of Markdown.
+``:class:`name```, tables between lines of ``=``. The site is made of Markdown. Several parameters
+in one entry become entries of their own, which the reader of docstrings would give the first one's
+type and default.
 """
 
 from __future__ import annotations
@@ -16,6 +18,9 @@ _INLINE = re.compile(r":math:`([^`]+)`")
 _REFERENCE = re.compile(r":(?:class|func|meth|mod|attr|data):`(~?)([^`]+)`")
 _TABLE = re.compile(r"^=+(?: +=+)+ *\n((?:.+\n)+?)=+(?: +=+)+ *$", re.MULTILINE)
 _CODE = re.compile(r"::\n(?=\n +\S)")
+_DOCTEST = re.compile(r"^( *)>>> .*\n(?:\1\S.*\n)*", re.MULTILINE)
+_PARAMETERS = re.compile(r"^(?:Other )?Parameters\n-+\n((?:(?!^.+\n-+\n).*\n)*)", re.MULTILINE)
+_TOGETHER = re.compile(r"^([*\w]+(?:, [*\w]+)+)\n((?:(?: .*)?\n)+)", re.MULTILINE)
 
 
 def _math(found: re.Match[str]) -> str:
@@ -44,9 +49,22 @@ def _table(found: re.Match[str]) -> str:
     return "\n".join(f"| {row} |" for row in (empty, dashes, *rows))
 
 
+def _doctest(found: re.Match[str]) -> str:
+    indent = found.group(1)
+    lines = re.sub(r"[ \t]*# doctest:.*", "", found.group(0))
+    return f"{indent}```pycon\n{lines}{indent}```\n"
+
+
+def _one_by_one(found: re.Match[str]) -> str:
+    names, description = found.groups()
+    return "".join(f"{name}\n{description}" for name in names.split(", "))
+
+
 def markdown(text: str) -> str:
     """A docstring's text with its reStructuredText replaced by Markdown."""
-    text = _BLOCK.sub(_math, text + "\n")
+    text = _PARAMETERS.sub(lambda m: _TOGETHER.sub(_one_by_one, m.group(0)), text + "\n")
+    text = _DOCTEST.sub(_doctest, text)
+    text = _BLOCK.sub(_math, text)
     text = _TABLE.sub(_table, text)
     text = _INLINE.sub(lambda m: f"${' '.join(m.group(1).split())}$", text)
     text = _REFERENCE.sub(_reference, text)

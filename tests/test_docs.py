@@ -137,3 +137,16 @@ def test_interpolators_of_paraview(tmp_path, monkeypatch):
     shepard = sums("Shepard Summation")
     assert shepard == pytest.approx(np.full_like(y, spacing), rel=1e-2)  # the plane's depth
     assert sums("velocity")[:, 0] / shepard == pytest.approx(ours, rel=6e-3)
+
+
+def test_parameters_in_one_entry_have_types_of_their_own(monkeypatch):
+    """The reference's reader of docstrings would give all of them the first one's type."""
+    pytest.importorskip("griffe")
+    monkeypatch.syspath_prepend(str(DOCS))
+    from rst_in_docstrings import markdown
+
+    text = (
+        "F.\n\nParameters\n----------\na, b\n    Both.\nc\n    C.\n\nReturns\n-------\nx, y\n    R."
+    )
+    one_by_one = text.replace("a, b\n    Both.", "a\n    Both.\nb\n    Both.")
+    assert markdown(text) == one_by_one

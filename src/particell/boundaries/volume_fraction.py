@@ -42,7 +42,7 @@ speed and largest speed). At a convex corner φ = 1/2 lies about half a spacing 
 concave one as far outside. Where the surface is known, see
 :mod:`particell.boundaries.impenetrable`.
 
-Source: Jacob, "SPH-BVF" (2020), chapter 3, where the sum is divided and particles that leave are
+Source: Jacob, thesis, UCSB 2020, chapter 3, where the sum is divided and particles that leave are
 turned too.
 """
 

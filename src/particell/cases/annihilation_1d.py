@@ -20,7 +20,7 @@ realisations are independent slabs in a row, far enough from each other for the 
 
 References
 ----------
-Jacob, "SDPD-SSA" (2020) (the case and the printed errors, means of 100 realisations). Reference
+Jacob, thesis, UCSB 2020 (the case and the printed errors, means of 100 realisations). Reference
 profiles: ``data/annihilation_Da*.csv`` (ours), and for other Da :func:`reference_profiles`.
 """
 

@@ -17,7 +17,7 @@ not know of each other, and come in as a Poisson stream), which the molecules ar
 
 References
 ----------
-Jacob, "SDPD-SSA" (2020) (the case and the printed errors; the stochastic ones are
+Jacob, thesis, UCSB 2020 (the case and the printed errors; the stochastic ones are
 means of 100 realisations, by default ours is a single one). Crank, The Mathematics of Diffusion
 (1975).
 """

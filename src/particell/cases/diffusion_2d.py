@@ -20,7 +20,7 @@ mean of R realisations of N molecules is distributed as one realisation of R N d
 
 References
 ----------
-Jacob, "SDPD-SSA" (2020) (the case and the printed errors: 50 realisations; the number of molecules
+Jacob, thesis, UCSB 2020 (the case and the printed errors: 50 realisations; the number of molecules
 at C₀ is that of the authors' scripts). Carslaw & Jaeger, Conduction of Heat in Solids (1959), 5.3.
 """
 

@@ -14,8 +14,8 @@ centreline; transfers are what the walls' particles booked in that time.
 
 References
 ----------
-Moukalled & Acharya, J. Thermophys. Heat Transfer 10 (1996) 524 (the problem); Jacob, "SDPD-SSA"
-(2020) (the errors printed); Jacob, "SPH-BVF" (2020) (200² with a transport velocity). The reference
+Moukalled & Acharya, J. Thermophys. Heat Transfer 10 (1996) 524 (the problem); Jacob, thesis, UCSB
+2020 (the errors printed); Jacob, thesis, UCSB 2020 (200² with a transport velocity). The reference
 solution is our own, by finite elements (see the data files' headers).
 """
 

@@ -11,7 +11,7 @@ from rest, with the force :math:`f = 8\nu U/H^2` per mass. The papers run it wit
 
 References
 ----------
-Jacob, "SPH-BVF" (2020), chapter 3 (errors at 20 to 320 particles across); Morris, Fox & Zhu,
+Jacob, thesis, UCSB 2020, chapter 3 (errors at 20 to 320 particles across); Morris, Fox & Zhu,
 J. Comput. Phys. 136 (1997) 214.
 """
 

@@ -61,7 +61,7 @@ rate of decay is right to 0.13 %, the speed to 1.7 %.
 
 References
 ----------
-Jacob, "SPH-BVF" (2020) (2 % with the transport velocity);
+Jacob, thesis, UCSB 2020 (2 % with the transport velocity);
 Adami, Hu & Adams, J. Comput. Phys. 241 (2013) 292.
 """
 

@@ -1,6 +1,6 @@
 r"""Exact diffusion of molecules: random walks on the particles while these stand still.
 
-A molecule in particle i jumps to neighbour j at the rate (Jacob, "SDPD-SSA" (2020), Eq. 28, per
+A molecule in particle i jumps to neighbour j at the rate (Jacob, thesis, UCSB 2020, Eq. 28, per
 molecule)
 
 .. math:: k_{i\to j} = 2 \bar\kappa_{ij} V_j F_{ij} s_{ij},

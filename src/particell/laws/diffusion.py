@@ -24,7 +24,7 @@ The areas a_ij are scaled by λ such that their sum is the wall's area, see
 
 References
 ----------
-Monaghan, Rep. Prog. Phys. 68 (2005) 1703; Jacob, "SDPD-SSA" (2020), Eq. 11; Morris, Fox & Zhu,
+Monaghan, Rep. Prog. Phys. 68 (2005) 1703; Jacob, thesis, UCSB 2020, Eq. 11; Morris, Fox & Zhu,
 J. Comput. Phys. 136 (1997) 214 (the wall's values).
 """
 

@@ -23,7 +23,7 @@ of molecules must not, and no way of drawing whole molecules is then without bia
 Units: n in mol (per depth), V in m^D, C in mol/m³, δv in m/s, F in 1/m^(D+2).
 
 Source: Adami, Hu & Adams, J. Comput. Phys. 241 (2013) 292, the form of their momentum flux; Jacob,
-"SPH-BVF" (2020).
+thesis, UCSB 2020.
 """
 
 from __future__ import annotations

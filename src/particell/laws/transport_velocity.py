@@ -47,7 +47,7 @@ Units: ρ in kg/m³, v and δv in m/s, V in m^D, F in 1/m^(D+2), x in m.
 References
 ----------
 Adami, Hu & Adams, J. Comput. Phys. 241 (2013) 292, Eqs. 8 and 13 (the conserving form); Jacob,
-"SPH-BVF" (2020), whose continuity equation is the first form without T.
+thesis, UCSB 2020, whose continuity equation is the first form without T.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ def conserving_flux(weight, density_ratio, shift_dot_x_i):
 def switched_term(term_i, term_j):
     """P_i/ρ_i², with its sign changed where the pair attracts: what suppresses cavitation.
 
-    A pair with P_i/ρ_i² + P_j/ρ_j² < 0 uses P_j/ρ_j² − P_i/ρ_i² instead (Jacob, "SPH-BVF" (2020)).
+    A pair with P_i/ρ_i² + P_j/ρ_j² < 0 uses P_j/ρ_j² − P_i/ρ_i² instead (Jacob, thesis, UCSB 2020).
     That is not symmetric: momentum is not conserved where it acts.
     """
     return term_i if term_i + term_j >= 0.0 else -term_i

@@ -5,7 +5,7 @@ The description; the solver that it makes is :class:`.TransportVelocitySolver`. 
 
 References
 ----------
-Adami, Hu & Adams, J. Comput. Phys. 241 (2013) 292; Jacob, "SPH-BVF" (2020), chapter 3.
+Adami, Hu & Adams, J. Comput. Phys. 241 (2013) 292; Jacob, thesis, UCSB 2020, chapter 3.
 """
 
 from __future__ import annotations

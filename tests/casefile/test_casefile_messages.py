@@ -184,7 +184,7 @@ def test_networks(tmp_path):
     refused("diffusivity of S", "'fluid'", sbml=[{**network, "diffusivity": slow}], **rest)
     refused("diffusivity", "'meter'", sbml=[{**network, "diffusivity": {"S": "1 m"}}], **rest)
     refused("sbml #1.path", "given", sbml=[{}])
-    refused("species", "'S'", sbml=[network], species=[{"name": "S"}], reactions=[], initial=[])
+    refused("species", "'S'", sbml=[network], **rest | {"species": [{"name": "S"}]})
 
 
 def test_arrangements_of_arrangements():

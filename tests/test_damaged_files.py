@@ -6,6 +6,8 @@ import errno
 import json
 import os
 import shlex
+import subprocess
+import sys
 
 import h5py
 import numpy as np
@@ -14,6 +16,7 @@ import pytest
 from particell import cases
 from particell.cli import call
 from particell.errors import InputError
+from particell.output import h5md, trajectory
 from particell.output.checkpoint import read_checkpoint, write_checkpoint
 from particell.output.files import CheckpointError, OutputError
 from particell.output.run import Run
@@ -79,6 +82,82 @@ def test_truncated_trajectories(half, capsys):
             assert (place / "checkpoint.h5").read_bytes() == files["checkpoint.h5"]
         else:
             assert np.array_equal(Run(place).field("position")[:], whole)
+
+
+@pytest.fixture
+def killed(half, monkeypatch):
+    """As ``half``, with the trajectory that a killed process leaves: HDF5 has it open for ever."""
+    place, files = half
+    extend, calls = trajectory.extend, iter(range(1000))
+
+    def remember(*args):
+        if next(calls) == 80:
+            files["run.h5"] = (place.parent / "other" / "run.h5").read_bytes()
+        extend(*args)
+
+    monkeypatch.setattr(trajectory, "extend", remember)
+    assert call(["run", "walk", "--out", "other"]) == 0
+    assert files["run.h5"][11] == 5  # open, in the mode for files that grow
+    return place, files
+
+
+def test_truncated_trajectories_of_killed_runs(killed, capsys, monkeypatch):
+    """Refused, or whole up to the checkpoint, as those that were closed; and nobody waits."""
+    monkeypatch.setattr(h5md, "READ_ATTEMPTS", 20)
+    place, files = killed
+    whole = Run("other").field("position")[:]
+    statuses = []
+    for length in [*lengths(files["run.h5"]), len(files["run.h5"])]:
+        (place / "run.h5").write_bytes(files["run.h5"][:length])
+        (place / "checkpoint.h5").write_bytes(files["checkpoint.h5"])
+        capsys.readouterr()
+        try:
+            frames = Run(place).field("position")[:]
+            assert np.array_equal(frames, whole[: len(frames)])
+        except InputError as error:
+            assert "half/run.h5" in str(error)
+        statuses.append(call(["resume", "half"]))
+        error = capsys.readouterr().err
+        if statuses[-1] == 2:
+            assert "trajectory = 'half/run.h5'" in error and error.count("\n") == 1
+        else:
+            assert np.array_equal(Run(place).field("position")[:], whole)
+    assert set(statuses) == {0, 2} and statuses[-1] == 0
+
+
+def test_what_is_missing_of_a_growing_trajectory_is_no_zeros(killed, monkeypatch):
+    """HDF5 believes a header that says that the file ends where it was cut."""
+    place, files = killed
+    monkeypatch.setattr(h5md, "READ_ATTEMPTS", 20)
+    whole = Run("other").field("position")[:]
+    plain, refused = h5py.File, 0
+
+    def left_open(path, *args, **options):
+        raise OSError("file is already open for write/SWMR write")
+
+    for length in lengths(files["run.h5"]):
+        (place / "run.h5").write_bytes(files["run.h5"][:length])
+        with monkeypatch.context() as patch:
+            patch.setattr(h5md.h5py, "File", lambda f, *a: plain(f) if not a else left_open(f))
+            try:
+                frames = Run(place).field("position")[:]
+                assert np.array_equal(frames, whole[: len(frames)])
+            except InputError as error:
+                refused += "half/run.h5" in str(error)
+    assert refused > 20
+
+
+def test_nobody_waits_for_a_damaged_trajectory(killed):
+    """One byte of a group in a file that was left open: HDF5 would wait for the right one."""
+    place, files = killed
+    broken = bytearray(files["run.h5"])
+    with h5py.File(place.parent / "other" / "run.h5") as file:
+        address = h5py.h5o.get_info(file["particles/all/position"].id).addr
+    broken[address + 32] ^= 0xFF
+    (place / "run.h5").write_bytes(broken)
+    code = "from particell.output.run import Run; Run('half')"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=300)
+    assert done.returncode == 1 and "after all read attempts" in done.stderr
 
 
 def test_flipped_bytes_never_give_a_traceback(half):

@@ -17,9 +17,9 @@ from particell.materials import Fluid
 from particell.particles import Group, Particles
 from particell.phases import Phase
 
-#: Particles nearer than this part of their spacing are at the same place: they never part again, as
-#: the forces between them vanish with their distance.
-SAME_PLACE = 1e-6
+#: Particles nearer to each other than this part of their size overlap: a filling made twice, or
+#: walls put into the fluid. At the very same place they never part again.
+TOO_NEAR = 0.2
 
 
 def build_materials(
@@ -94,8 +94,10 @@ def check_phases(domain: Domain, phases: list[Phase]) -> None:
                 raise InputError(f"points of '{p.name}'", point.tolist(), f"inside {domain}")
 
 
-def check_overlap(domain: Domain, phases: Sequence[Phase], part: float = SAME_PLACE) -> None:
-    """Refuse particles that are nearer to each other than ``part`` spacings.
+def check_overlap(domain: Domain, phases: Sequence[Phase]) -> None:
+    """Refuse particles nearer to each other than :data:`TOO_NEAR` of the smaller one's size.
+
+    Their size is volume^(1/D), or their spacing where that is less. Periodic images count.
 
     Raises
     ------
@@ -106,13 +108,15 @@ def check_overlap(domain: Domain, phases: Sequence[Phase], part: float = SAME_PL
     if len(points) < 2:
         return
     phase = np.repeat(np.arange(len(phases)), [len(p.points) for p in phases])
-    spacing = np.array([p.particle_spacing for p in phases])
+    sizes = [
+        np.minimum(np.asarray(p.volume) ** (1 / domain.dim), p.particle_spacing) for p in phases
+    ]
+    reach = TOO_NEAR * np.concatenate(sizes)
     periods = np.where(domain.periodic, domain.lengths, 0.0)
     origin = points.min(axis=0)
     wrapped = points - np.where(domain.periodic, domain.lower, origin)
     wrapped = np.where(domain.periodic, np.mod(wrapped, domain.lengths), wrapped)
     wrapped[wrapped >= np.where(domain.periodic, domain.lengths, np.inf)] = 0.0
-    reach = part * spacing[phase]
     near, nearest = cKDTree(wrapped, boxsize=periods).query(
         wrapped, k=2, distance_upper_bound=float(reach.max())
     )

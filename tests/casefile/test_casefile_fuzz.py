@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import copy
+import importlib.util
+from pathlib import Path
 
 import pytest
 from case_files import document, small, toml
@@ -10,6 +12,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from particell.casefile import scope
+from particell.casefile.case import UNIONS, FileCase
+from particell.casefile.messages import kinds
 from particell.casefile.starting import starting_text
 from particell.cli import call
 
@@ -42,6 +46,7 @@ TEXTS = st.sampled_from(
             "= height**0.5",
             "= x + y",
         ),
+        *("/dev/zero", "/dev/null", ".", "jittered", "packed", "= t", "A", "fluid", "min", "S"),
         *("= 9**9**9**9", "= exp(1e5)", "= where(x > y, 1, 0)", "= (((", "= y * speed / height"),
         *(
             "9**9**9 m",
@@ -67,7 +72,11 @@ VALUES = st.recursive(
     lambda inner: st.one_of(
         st.lists(inner, max_size=3),
         st.dictionaries(
-            st.one_of(st.sampled_from(["type", "x", "dye"]), st.text(max_size=4)), inner
+            st.one_of(
+                st.sampled_from(["type", "x", "dye", "fluid", "path", "of", "A"]),
+                st.text(max_size=4),
+            ),
+            inner,
         ),
     ),
     max_leaves=5,
@@ -83,8 +92,12 @@ def places(value, path=()):
             yield from places(inner, (*path, key))
 
 
+LIBSBML = importlib.util.find_spec("libsbml") is not None
+ENZYME = Path(__file__).parents[2] / "examples" / "enzyme.xml"
+
+
 def rich() -> dict:
-    """A file in which most kinds of tables occur."""
+    """Flow, shapes, and most of what acts on it."""
     content = small()
     content["shapes"] |= {
         "cell": {"type": "Circle", "center": [5e-5, 5e-5], "radius": "10 um"},
@@ -98,7 +111,7 @@ def rich() -> dict:
         "name": "fluid",
         "material": "water",
         "velocity": fluid["velocity"],
-        "fill": {"type": "lattice", "spacing": "= spacing", "shape": "outside"},
+        "fill": {"type": "arranged", "spacing": "= spacing", "kind": "jittered", "seed": 2},
     }
     content["boundaries"] += [
         {"type": "Reflection", "body": "plane"},
@@ -125,10 +138,104 @@ def rich() -> dict:
     return content
 
 
+def still() -> dict:
+    """Arrangements, molecules, a network and walls of species, at rest."""
+    grid = {"type": "lattice", "spacing": "= spacing", "shape": "room", "kind": "hexagonal"}
+    moved = {"type": "jittered", "of": grid, "amplitude": "0.2 um", "seed": 3}
+    packed = {"type": "packed", "of": moved, "spacing": "= spacing", "fixed": ["post"]}
+    packed |= {"keep_inside": "room", "iterations": 3, "tolerance": 0.1}
+    ring = {"type": "rings", "ball": "post", "inner": 0, "outer": "10 um", "spacing": "4 um"}
+    dots = {"type": "points", "points": [["80 um", "80 um"]], "spacing": "5 um"}
+    wall = {"type": "Phase", "material": "water", "kind": "wall"}
+    network = {"path": str(ENZYME), "molecules": ["E"], "only_in": {"cell": ["fluid"]}}
+    network |= {"diffusivity": {"S": "1 um^2/s", "P": {"fluid": 0}}, "units": {"time": "min"}}
+    return {
+        "constants": {"height": "100 um", "spacing": "= height / 8", "rate": "1 1/s"},
+        "domain": {"lower": [0, 0], "upper": ["= height", "= height"], "depth": "1 um"},
+        "materials": {"water": {"density": 1000, "viscosity": "1 mPa*s", "temperature": 300}},
+        "shapes": {
+            "post": {"type": "Ball", "center": ["20 um", "20 um"], "radius": "10 um"},
+            "dot": {"type": "Box", "lower": ["70 um", "70 um"], "upper": ["90 um", "90 um"]},
+            "half": {"type": "Box", "lower": ["50 um", 0], "upper": ["100 um", "100 um"]},
+            "room": {"type": "difference", "of": ["half", "dot"]},
+            "all": {"type": "union", "of": ["room", "dot"]},
+        },
+        "phases": [
+            {"type": "Phase", "name": "fluid", "material": "water", "fill": packed},
+            {**wall, "name": "post", "fill": ring, "surface": "post", "spacing": "4 um"},
+            {**wall, "name": "dot", "fill": dots, "volume": ["= spacing**2"]},
+            {"type": "box_walls", "name": "w", "material": "water", "spacing": "= spacing"},
+        ],
+        "scheme": {"type": "Static", "kernel": "lucy", "support": 2.5},
+        "species": [
+            {"name": "A", "molecules": True, "diffusivity": {"fluid": "1 um^2/s", "dot": 0}},
+            {"name": "C", "molecules": True},
+            {"name": "B", "molecules": True, "switch_above": 100, "switch_below": 50},
+        ],
+        "reactions": [
+            {"equation": "2 A -> C", "forward": 0.1, "units": "molecules", "only_in": "fluid"},
+            {"equation": "A -> 0", "rate_law": "rate * A", "forward": {"fluid": 1}},
+            {"equation": "C <-> B", "forward": 1, "backward": "1 1/s"},
+        ],
+        "sbml": [network] if LIBSBML else [],
+        "initial": [{"species": "A", "count": "= where(x < y, 4, 1)", "group": "fluid"}],
+        "boundaries": [
+            {"type": "Reservoir", "group": "dot", "values": {"A": "1 uM"}},
+            {"type": "FixedValueWall", "group": "post", "values": {"A": "1 uM"}},
+            {"type": "FluxWall", "group": "w-x-upper", "flux": {"A": 1e-9}, "area": 1e-10},
+        ],
+        "simulation": {"dt": "1 ms", "normalise_diffusion": True},
+        "run": {"until": 0.01},
+    }
+
+
+def stirred() -> dict:
+    """A body that moves in a cavity, by the other scheme."""
+    around = {"type": "around", "ball": "post", "spacing": "= spacing", "reach": 6}
+    around["fixed"] = ["post", "w-x-lower", "w-x-upper", "w-y-lower", "w-y-upper"]
+    ring = {"type": "rings", "ball": "post", "inner": 0, "outer": "20 um", "spacing": "10 um"}
+    post = {"type": "Phase", "name": "post", "kind": "wall", "fill": ring, "surface": "post"}
+    walls = {"type": "box_walls", "name": "w", "spacing": "= spacing", "layers": 2}
+    motion = {"type": "WallMotion", "group": "post", "angle": "= pulse * t", "centre": [5e-5, 5e-5]}
+    return {
+        "constants": {"height": "100 um", "spacing": "= height / 10", "pulse": "300 rad/s"},
+        "domain": {"lower": [0, 0], "upper": ["= height", "= height"]},
+        "materials": {"water": {"density": 1000, "viscosity": "1 mPa*s"}},
+        "shapes": {"post": {"type": "Circle", "center": [5e-5, 5e-5], "radius": "20 um"}},
+        "phases": [
+            {"type": "Phase", "name": "fluid", "material": "water", "fill": around},
+            {**post, "material": "water", "spacing": "= spacing"},
+            {**walls, "material": "water", "sliding": {"y-upper": ["1 mm/s", 0]}},
+        ],
+        "scheme": {
+            "type": "TransportVelocity",
+            "reference_speed": "1 mm/s",
+            "gravity": [0, -9.81],
+            "pressure_force": "difference",
+            "fixed_volume": True,
+        },
+        "boundaries": [motion | {"displacement": [0, "= 1e-6 * height * sin(pulse * t)"]}],
+        "run": {"until": "1 ms", "every": "0.5 ms", "checkpoint_every": 10},
+    }
+
+
+FILES = [rich, still, stirred, small]
+
+
+def types(value) -> set[str]:
+    """All values of keys named "type"."""
+    if isinstance(value, list):
+        return set().union(*map(types, value))
+    if not isinstance(value, dict):
+        return set()
+    found = {value["type"]} if isinstance(value.get("type"), str) else set()
+    return found.union(*map(types, value.values()))
+
+
 @st.composite
 def broken_files(draw):
     """The file with a few things in it changed, left out, put in, or given another name."""
-    content = copy.deepcopy(rich())
+    content = copy.deepcopy(draw(st.sampled_from(FILES))())
     for _ in range(draw(st.integers(1, 3))):
         paths = sorted(places(content), key=str)
         if not paths:
@@ -176,8 +283,22 @@ def checked(tmp_path, monkeypatch, capsys):
     return check
 
 
-def test_the_file_that_is_changed_is_right(checked):
-    assert checked(document(rich())) == 0
+@pytest.mark.parametrize("make", FILES)
+def test_the_files_that_are_changed_are_right(checked, make):
+    assert checked(document(make())) == 0
+
+
+def test_every_kind_of_table_is_changed():
+    contents = [make() for make in FILES]
+    alike = {"Ball", "Circle", "Sphere", "intersection", "union"}  # of one table
+    assert {kind for union in UNIONS.values() for kind in kinds(union)} <= alike.union(
+        *map(types, contents)
+    )
+    tables = {key for content in contents for key in content} | {"name", "sbml"}
+    assert tables == set(FileCase.model_fields)
+
+
+def test_toml_of_a_table():
     assert toml({"a b": [1, "x", True]}) == '{"a b" = [1, "x", true]}'
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import pytest
 from case_files import case, changed, document, small
@@ -174,6 +175,47 @@ def test_averages():
     refused("shape", "averages #1", averages=[{"grid": [2, 2, 2]}])
     refused("at most", averages=[{"grid": [10**9, 10**9]}])
     refused("kernel", averages=[{"grid": [2, 2], "kernel": "gauss"}])
+
+
+def test_networks(tmp_path):
+    pytest.importorskip("libsbml")
+    path = Path(__file__).parents[2] / "examples" / "enzyme.xml"
+    network = {"path": str(path)}
+    rest = {"species": [], "reactions": [], "initial": [], "boundaries": []}
+    refused("SBML file in sbml #1", "a readable file", sbml=[{"path": "nothing.xml"}])
+    refused("a readable file", sbml=[{"path": "a\0"}])
+    refused("a readable file", sbml=[{"path": str(tmp_path)}])
+    (tmp_path / "a.xml").write_bytes(b"\xff\xfe")
+    refused("in UTF-8", sbml=[{"path": str(tmp_path / "a.xml")}])
+    refused("sbml #1", "valid (line", sbml=[{**network, "text": "<sbml>"}])
+    refused("key in sbml #1", "'molecules'", sbml=[{**network, "molecule": True}])
+    refused("species in molecules in sbml #1", "'E'", sbml=[{**network, "molecules": ["EX"]}])
+    refused("compartment", "'cell'", sbml=[{**network, "only_in": {"sell": "fluid"}}])
+    refused("group", "'fluid'", sbml=[{**network, "only_in": {"cell": "fluit"}}], **rest)
+    slow = {"S": {"fluit": 1}}
+    refused("diffusivity of S", "'fluid'", sbml=[{**network, "diffusivity": slow}], **rest)
+    refused("diffusivity", "'meter'", sbml=[{**network, "diffusivity": {"S": "1 m"}}], **rest)
+    refused("sbml #1.path", "given", sbml=[{}])
+    refused("species", "'S'", sbml=[network], **rest | {"species": [{"name": "S"}]})
+
+
+def test_arrangements_of_arrangements():
+    grid = {"type": "lattice", "spacing": "= spacing"}
+    moved = {"type": "jittered", "of": grid, "amplitude": 1e-7}
+
+    def fill(words, *more, **table):
+        phase = {"type": "Phase", "name": "f", "material": "water", "fill": table}
+        refused(words, *more, phases=[phase])
+
+    fill("key in phases 'f'.fill.of", "'spacing'", **moved | {"of": {**grid, "spacin": 1}})
+    fill("fill.of.type", "rings", type="jittered", of={}, amplitude=1)
+    fill("fill.of.type", "lattice", type="jittered", of={"type": "packd"}, amplitude=1)
+    fill("amplitude", "greater than or equal to 0", **moved | {"amplitude": -1})
+    packed = {"type": "packed", "of": moved, "spacing": 1e-6}
+    fill("iterations", "10000", **packed | {"iterations": 10**9})
+    fill("shape in phases 'f'", "'upper_half'", **packed | {"keep_inside": "uper_half"})
+    fill("fixed", "'f'", **packed | {"fixed": ["g"]})
+    fill("without themselves", **packed | {"fixed": ["f"]})
 
 
 def test_command_line(tmp_path, monkeypatch, capsys):

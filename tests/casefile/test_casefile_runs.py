@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import json
+import shutil
 import tomllib
 from pathlib import Path
 
@@ -13,56 +14,116 @@ from case_files import case, changed, document, small
 
 import particell as pc
 from particell.analysis import fields
-from particell.casefile import boundaries, chemistry, domain, fills, phases, schemes, shapes
+from particell.casefile import (
+    boundaries,
+    chemistry,
+    domain,
+    fills,
+    networks,
+    phases,
+    schemes,
+    shapes,
+)
 from particell.casefile.case import FileCase
 from particell.casefile.running import AverageTable, RunTable, SimulationTable, StopTable
 from particell.cases.base import Context
 from particell.cases.yeast_channel import YeastChannel
+from particell.chemistry.engine import Chemistry
 from particell.cli import call, described_case
+from particell.cli import run as run_command
 from particell.geometry.fill import around, arranged
 from particell.output.run import Run
 from particell.simulation import Simulation
 
+ENZYME = Path(__file__).parents[2] / "examples" / "enzyme.xml"
 YEAST = Path(__file__).parents[2] / "examples" / "yeast_channel.toml"
-#: Tables, what they are turned into, and which of its parameters a file cannot have.
+DOMAIN = {"domain": "that of the file"}
+OF = {"points": "those of another arrangement, 'of'"}
+MOVES = "the other schemes have it, to say that this one does not move"
+#: Tables, what they are turned into, and which of its parameters a file cannot have, and why.
 PAIRS = [
-    (domain.DomainTable, pc.Domain, ()),
-    (domain.FluidTable, pc.Fluid, ()),
-    (shapes.BoxTable, pc.Box, ()),
-    (shapes.BallTable, pc.Ball, ()),
-    (shapes.HalfSpaceTable, pc.HalfSpace, ()),
-    (fills.LatticeFill, pc.lattice, ("domain",)),
-    (fills.ArrangedFill, arranged, ("domain",)),
-    (fills.AroundFill, around, ("domain", "reach")),
-    (fills.RingsFill, pc.rings, ()),
-    (phases.FilledPhase, pc.fluid, ("domain",)),
-    (phases.ParticlesPhase, pc.Phase, ("points",)),
-    (phases.ChannelWalls, pc.channel_walls, ("domain",)),
-    (phases.BoxWalls, pc.box_walls, ("domain",)),
-    (schemes.SDPDTable, pc.SDPD, ()),
-    (schemes.TransportVelocityTable, pc.TransportVelocity, ()),
-    # of Static the others say that it does not move
-    (schemes.StaticTable, pc.Static, ("skin", "density", "fluctuations", "gravity")),
-    (chemistry.SpeciesTable, pc.Species, ()),
-    # reactants and products are the equation's, propensities the rate law's
-    (chemistry.ReactionTable, pc.Reaction, ("reactants", "products", "propensity")),
-    (boundaries.ReflectionTable, pc.Reflection, ()),
-    (boundaries.SpongeTable, pc.Sponge, ()),
-    (boundaries.WallMotionTable, pc.WallMotion, ()),
-    (boundaries.MeanVelocityTable, pc.MeanVelocity, ()),
-    (boundaries.ReservoirTable, pc.Reservoir, ()),
-    (boundaries.FixedValueWallTable, pc.FixedValueWall, ()),
-    (boundaries.FluxWallTable, pc.FluxWall, ()),
-    (boundaries.BuoyancyTable, pc.Buoyancy, ()),
-    (StopTable, pc.SteadyState, ()),
-    (AverageTable, pc.TimeAverage, ()),
+    (domain.DomainTable, pc.Domain, {}),
+    (domain.FluidTable, pc.Fluid, {}),
+    (shapes.BoxTable, pc.Box, {}),
+    (shapes.BallTable, pc.Ball, {}),
+    (shapes.BallTable, pc.Circle, {}),
+    (shapes.BallTable, pc.Sphere, {}),
+    (shapes.HalfSpaceTable, pc.HalfSpace, {}),
+    (fills.LatticeFill, pc.lattice, DOMAIN),
+    (fills.ArrangedFill, arranged, DOMAIN),
+    (fills.AroundFill, around, DOMAIN),
+    (fills.RingsFill, pc.rings, {}),
+    (fills.JitteredFill, pc.jittered, OF),
+    (fills.PackedFill, pc.packed, DOMAIN | OF),
+    (phases.FilledPhase, pc.fluid, DOMAIN),
+    (phases.ParticlesPhase, pc.Phase, {"points": "those of 'fill', of type 'points' too"}),
+    (phases.ChannelWalls, pc.channel_walls, DOMAIN),
+    (phases.BoxWalls, pc.box_walls, DOMAIN),
+    (schemes.SDPDTable, pc.SDPD, {}),
+    (schemes.TransportVelocityTable, pc.TransportVelocity, {}),
+    (
+        schemes.StaticTable,
+        pc.Static,
+        dict.fromkeys(("skin", "density", "fluctuations", "gravity"), MOVES),
+    ),
+    (chemistry.SpeciesTable, pc.Species, {}),
+    (
+        chemistry.ReactionTable,
+        pc.Reaction,
+        dict.fromkeys(("reactants", "products"), "those of the equation")
+        | {"propensity": "the rate law serves for molecules too"},
+    ),
+    (networks.SBMLTable, pc.read_sbml, {}),
+    (
+        chemistry.InitialTable,
+        Chemistry.set_concentration,
+        {"self": "", "name": "'species'", "values": "'concentration'"},
+    ),
+    (
+        chemistry.InitialTable,
+        Chemistry.set_count,
+        {"self": "", "name": "'species'", "values": "'count'"},
+    ),
+    (boundaries.ReflectionTable, pc.Reflection, {}),
+    (boundaries.SpongeTable, pc.Sponge, {}),
+    (boundaries.WallMotionTable, pc.WallMotion, {}),
+    (boundaries.MeanVelocityTable, pc.MeanVelocity, {}),
+    (boundaries.ReservoirTable, pc.Reservoir, {}),
+    (boundaries.FixedValueWallTable, pc.FixedValueWall, {}),
+    (boundaries.FluxWallTable, pc.FluxWall, {}),
+    (boundaries.BuoyancyTable, pc.Buoyancy, {}),
+    (StopTable, pc.SteadyState, {}),
+    (AverageTable, pc.TimeAverage, {}),
 ]
+#: What else is public, and where a file's user has it.
+ELSEWHERE = {
+    "Simulation": "the file itself: test_tables_of_the_simulation",
+    "Device": "options of the command line",
+    "Ensemble": "particell ensemble",
+    "export_vtkhdf": "particell export",
+    **dict.fromkeys(("Run", "EnsembleRun"), "what is read afterwards"),
+    "SBMLModel": "what read_sbml gives",
+    **dict.fromkeys(
+        ("InputError", "Interrupted", "RunError", "EnsembleInterrupted"), "exit status"
+    ),
+}
 
 
-@pytest.mark.parametrize("table, made, without", PAIRS, ids=[t.__name__ for t, _, _ in PAIRS])
+def test_all_that_is_public_can_be_described():
+    assert {p.__name__ for _, p, _ in PAIRS} | set(ELSEWHERE) >= set(pc.__all__)
+    assert set(ELSEWHERE) <= set(pc.__all__)
+    options = {option.name for option in run_command.params}
+    assert set(inspect.signature(pc.Device).parameters) <= options
+    assert {"seed", "out", "progress", "overwrite"} <= options
+
+
+@pytest.mark.parametrize(
+    "table, made, without", PAIRS, ids=[f"{t.__name__}-{p.__name__}" for t, p, _ in PAIRS]
+)
 def test_tables_have_the_parameters_of_what_they_make(table, made, without):
     parameters = inspect.signature(made).parameters
     assert set(parameters) - set(without) <= set(table.model_fields)
+    assert set(without) <= set(parameters) - set(table.model_fields)
     for name, info in table.model_fields.items():
         assert info.description, name
         other = ("velocity", "fixed", "seed", "volume", "points")  # made of something else
@@ -74,7 +135,7 @@ def test_tables_have_the_parameters_of_what_they_make(table, made, without):
 
 def test_tables_of_the_simulation():
     whole = set(SimulationTable.model_fields) | {"seed", "device"}
-    tables = set(FileCase.model_fields) - {"simulation", "stop", "run", "constants"}
+    tables = set(FileCase.model_fields) - {"simulation", "stop", "run", "constants", "sbml"}
     assert set(inspect.signature(Simulation).parameters) <= whole | tables
     options = set(RunTable.model_fields) | {"self", "out", "progress", "overwrite"}
     options |= set(FileCase.model_fields) & {"stop", "averages"}
@@ -178,6 +239,11 @@ def test_schema(capsys):
     schema = json.loads(capsys.readouterr().out)
     spacing = schema["$defs"]["FilledPhase"]["properties"]["spacing"]
     assert spacing["x-unit"] == "m" and {"type": "string"} in spacing["anyOf"]
+    of = schema["$defs"]["PackedFill"]["properties"]["of"]["discriminator"]["mapping"]
+    assert set(of) == {"lattice", "rings", "points", "jittered"}
+    assert "path" in schema["$defs"]["SBMLTable"]["required"]
+    diffusivity = schema["$defs"]["SBMLTable"]["properties"]["diffusivity"]
+    assert diffusivity["x-unit"] == "m^2/s" and len(diffusivity["anyOf"]) == 4
     assert tomllib.loads(YEAST.read_text(encoding="utf-8")).keys() <= schema["properties"].keys()
 
 
@@ -247,6 +313,80 @@ def test_molecules_walls_and_fills():
     assert np.linalg.norm(x - 5e-5, axis=1).min() > 2e-5
     counts = simulation.chemistry.count("A")[fluid]
     assert np.array_equal(counts, np.where(x[:, 0] < 50 * 1e-6, 4, 1))
+
+
+def enzyme(**settings) -> dict:
+    """The enzyme's network in particles at rest."""
+    network = {"path": str(ENZYME), "diffusivity": {"S": "100 um^2/s"}}
+    rest = {"species": [], "reactions": [], "initial": [], "boundaries": []}
+    return changed(scheme={"type": "Static"}, sbml=[network], **{**rest, **settings})
+
+
+def test_networks_from_sbml(tmp_path, monkeypatch):
+    """The species, reactions and values that read_sbml gives; more can be added to them."""
+    pytest.importorskip("libsbml")
+    model = pc.read_sbml(ENZYME, diffusivity={"S": "100 um^2/s"})
+    simulation = FileCase(**enzyme()).build(Context())
+    assert list(simulation.chemistry.species.values()) == model.species
+    fluid = simulation.particles.select("fluid")
+    for name, value in model.initial.items():
+        assert simulation.chemistry.concentration(name)[fluid] == pytest.approx(value)
+    more = enzyme(
+        species=[{"name": "I"}],
+        reactions=[{"equation": "E + I -> 0", "forward": "1 m^3/mol/s"}],
+        initial=[{"species": "E", "concentration": "2 uM"}],
+        sbml__1__molecules=["E", "ES"],
+        sbml__1__only_in={"cell": "fluid"},
+    )
+    simulation = FileCase(**more).build(Context())
+    assert [s.name for s in simulation.chemistry.species.values()] == ["S", "E", "ES", "P", "I"]
+    assert simulation.chemistry.species["E"].molecules
+    assert simulation.chemistry.species["S"].only_in == ("fluid",)
+
+
+def test_a_network_is_found_beside_the_file_and_kept_by_the_run(tmp_path, monkeypatch):
+    pytest.importorskip("libsbml")
+    (tmp_path / "cases").mkdir()
+    shutil.copy(ENZYME, tmp_path / "cases" / "e.xml")
+    path = tmp_path / "cases" / "my.toml"
+    path.write_text(document(enzyme(sbml__1__path="e.xml")))
+    monkeypatch.chdir(tmp_path)
+    one = described_case("cases/my.toml", [])
+    assert one.sbml[0].path == str(Path("cases") / "e.xml")
+    (tmp_path / "cases" / "e.xml").unlink()
+    again = FileCase(**json.loads(json.dumps(one.model_dump(mode="json"))))
+    assert again == one
+    assert len(again.build(Context()).chemistry.species) == 4
+
+
+def test_arrangements_of_arrangements():
+    """Jittered and packed ones are those of Python; volumes one by one."""
+    cell = {"cell": {"type": "Circle", "center": ["50 um", "50 um"], "radius": "20 um"}}
+    grid = {"type": "lattice", "spacing": "10 um", "shape": "cell"}
+    moved = {"type": "jittered", "of": grid, "amplitude": "1 um", "seed": 4}
+    relaxed = {"type": "packed", "of": moved, "spacing": "10 um", "keep_inside": "cell"}
+    body = {"type": "Phase", "name": "cell", "material": "water", "kind": "wall"}
+    rest = {"species": [], "reactions": [], "initial": [], "boundaries": []}
+
+    def points(fill: dict, **more) -> np.ndarray:
+        phase = {**body, "fill": fill, **more}
+        made = case(phases=[phase], shapes=cell, scheme={"type": "Static"}, **rest)
+        again = FileCase(**json.loads(json.dumps(made.model_dump(mode="json"))))
+        return again.build(Context()).phases[0]
+
+    box = pc.Domain((0, 0), (1e-4, 1e-4), "x")
+    circle = pc.Circle((5e-5, 5e-5), 2e-5)
+    first = pc.lattice(box, 1e-5, circle)
+    second = pc.jittered(first, 1e-6, 4)
+    assert np.allclose(points(moved).points, second, rtol=0, atol=1e-18)
+    third = pc.packed(second, box, 1e-5, keep_inside=circle, iterations=3)
+    assert np.allclose(points(relaxed | {"iterations": 3}).points, third, rtol=0, atol=1e-15)
+    sizes = [f"{100 + k} um^2" for k in range(len(first))]
+    assert np.allclose(points(grid, volume=sizes).volume, 1e-10 + 1e-12 * np.arange(len(first)))
+    assert np.allclose(points(grid, volume="= height**2 / 100").volume, 1e-10)
+    edge = {"type": "points", "points": [[0, "50 um"]], "spacing": "10 um"}
+    out = points({"type": "jittered", "of": edge, "amplitude": "1 um", "seed": 1}).points
+    assert 0 <= out[0, 0] <= 1e-4
 
 
 def test_walls_move():

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from particell.chemistry.species import Species
+from particell.compute.threads import available_threads, kept_threads, set_threads
 from particell.errors import InputError
 from particell.geometry.domain import Domain
 from particell.geometry.fill import lattice
@@ -159,7 +160,7 @@ def test_normalised_viscosity_is_second_order_between_plates(support, kernel, su
     assert errors[False][2] > good[2]
 
 
-def test_restart_and_threads_give_the_same_bits():
+def test_a_restart_gives_the_same_bits():
     one, two = (box(2, 12, jitter=0.1, velocity=vortices(12)) for _ in range(2))
     one.advance(30)
     two.advance(17)
@@ -167,6 +168,21 @@ def test_restart_and_threads_give_the_same_bits():
     three.restore(two.state())
     three.advance(13)
     assert same_bits(one, three) == []
+
+
+def test_one_and_two_threads_give_the_same_bits(monkeypatch):
+    """Thirty steps of vortices among scattered particles, shared out from the first one on."""
+    monkeypatch.setattr("particell.compute.threads.SECONDS_PER_THREAD", 1e-9)
+    if available_threads() < 2:
+        pytest.skip("this machine has one thread")
+    runs = []
+    with kept_threads():
+        for threads in (1, 2):
+            set_threads(threads)
+            runs.append(box(2, 12, jitter=0.1, velocity=vortices(12)))
+            runs[-1].advance(30)
+    assert same_bits(*runs) == []
+    assert runs[0].neighbours.builds > 1
 
 
 @pytest.mark.parametrize(

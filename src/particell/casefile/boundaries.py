@@ -148,7 +148,7 @@ class ReservoirTable(_HeldTable):
 
 @describes(FixedValueWall)
 class FixedValueWallTable(_HeldTable):
-    """A wall whose surface has fixed concentrations."""
+    """A wall whose surface has fixed concentrations; of first order if its phase has none."""
 
     type: Literal["FixedValueWall"]
     """What it is."""

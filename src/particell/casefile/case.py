@@ -12,12 +12,13 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from particell.averages import TimeAverage, check_averages
 from particell.casefile import results
 from particell.casefile.boundaries import BoundaryTable, ForceTable
-from particell.casefile.checks import TOO_NEAR, check_sound, check_steps
+from particell.casefile.checks import check_sound, check_steps
 from particell.casefile.chemistry import InitialTable, ReactionTable, SpeciesTable
 from particell.casefile.constants import Constants
 from particell.casefile.domain import DomainTable, FluidTable
-from particell.casefile.fills import FillTable
+from particell.casefile.fills import ArrangedTable, FillTable
 from particell.casefile.messages import input_error
+from particell.casefile.networks import SBMLTable
 from particell.casefile.ordered import resolve_all
 from particell.casefile.phases import PhaseTable
 from particell.casefile.running import AverageTable, RunTable, SimulationTable, StopTable
@@ -30,7 +31,6 @@ from particell.errors import InputError, unknown_name
 from particell.geometry.domain import Domain
 from particell.output.run import Run
 from particell.phases import Phase
-from particell.setup import check_overlap
 from particell.simulation import Simulation
 
 #: The tables of several kinds, by the key that they are at.
@@ -38,6 +38,7 @@ UNIONS = {
     "shapes": ShapeTable,
     "phases": PhaseTable,
     "fill": FillTable,
+    "of": ArrangedTable,
     "scheme": SchemeTable,
     "boundaries": BoundaryTable,
 }
@@ -79,6 +80,8 @@ class FileCase(Case):
     """What they carry."""
     reactions: list[ReactionTable] = Field(default_factory=list)
     """How that reacts."""
+    sbml: list[SBMLTable] = Field(default_factory=list)
+    """Species and reactions from SBML files; others may be added to them."""
     initial: list[InitialTable] = Field(default_factory=list)
     """How much of it there is at the beginning; later ones overwrite earlier ones."""
     boundaries: list[BoundaryTable] = Field(default_factory=list)
@@ -159,7 +162,11 @@ class FileCase(Case):
         for name in resolve_all("shapes", needs):
             with within(f"shapes.{name}"):
                 scope.shapes[name] = self.shapes[name].build(scope)
-        scope.species = tuple(s.name for s in self.species)
+        for k, table in enumerate(self.sbml):
+            with within(place_of("sbml", k)):
+                scope.networks.append(table.build())
+        scope.species = tuple(s.name for m in scope.networks for s in m.species)
+        scope.species += tuple(s.name for s in self.species)
         return scope
 
     def estimates(self, scope: Scope) -> dict[str, float]:
@@ -192,12 +199,15 @@ class FileCase(Case):
         phases = self._phases(scope)
         with within("scheme"):
             scheme = self.scheme.build(scope)
-        species = []
+        species = [s for network in scope.networks for s in network.species]
+        reactions = [r for network in scope.networks for r in network.reactions]
+        for k, n in enumerate(self.sbml):
+            with within(place_of("sbml", k)):
+                n.check_groups(scope)
         for s in self.species:
             with within(place_of("species", 0, s.name)):
                 species.append(s.build(scope))
         by_name = {s.name: s for s in species}
-        reactions = []
         for r in self.reactions:
             with within(place_of("reactions", 0, r.equation)):
                 reactions.append(r.build(scope, by_name))
@@ -221,6 +231,9 @@ class FileCase(Case):
             device=context.device,
             **self.simulation.given(),
         )
+        for network in scope.networks:
+            if simulation.chemistry is not None:
+                network.set_initial(simulation.chemistry)
         for k, initial in enumerate(self.initial):
             with within(place_of("initial", k)):
                 initial.apply(scope, simulation)
@@ -250,9 +263,7 @@ class FileCase(Case):
                 if not all(len(phase.points) for phase in made[k]):
                     raise InputError("number of particles", 0, "at least one particle")
                 scope.phases |= {phase.name: phase for phase in made[k]}
-        phases = [phase for k in range(len(self.phases)) for phase in made[k]]
-        check_overlap(scope.domain, phases, TOO_NEAR)
-        return phases
+        return [phase for k in range(len(self.phases)) for phase in made[k]]
 
     def analyse(self, run: Run, simulation: Simulation) -> dict[str, Metric]:
         """What is conserved; see :mod:`particell.casefile.results`."""

@@ -14,9 +14,6 @@ from particell.schemes.timestep import check_number_of_steps
 from particell.simulation import Simulation
 from particell.speeds import Scheme
 
-#: Particles nearer to each other than this part of their spacing overlap.
-TOO_NEAR = 0.2
-
 
 def check_sound(
     domain: Domain, phases: Sequence[Phase], scheme: Scheme, boundaries: Sequence[object]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -13,13 +13,25 @@ from particell.casefile.scope import Scope
 from particell.casefile.table import Name, Position, Table, describes
 from particell.errors import InputError
 from particell.geometry.domain import Domain
-from particell.geometry.fill import around, arranged, fitting_spacing, lattice, rings
+from particell.geometry.fill import (
+    around,
+    arranged,
+    fitting_spacing,
+    jittered,
+    lattice,
+    packed,
+    rings,
+    wrapped,
+)
 from particell.geometry.shapes import Ball
-from particell.units import Length
+from particell.units import Length, Number
 
 #: Points and the volume of each.
 Filled = tuple[np.ndarray, float | np.ndarray]
 _Spacing = Annotated[Length, Field(gt=0)]
+_Seed = Annotated[int, Field(ge=0, lt=2**56)]
+#: Nobody waits for more.
+MOST_ITERATIONS = 10_000
 
 
 def sites(domain: Domain, spacing: float) -> float:
@@ -72,7 +84,7 @@ class ArrangedFill(_FillTable):
     spacing: _Spacing
     kind: Literal["square", "hexagonal", "jittered", "packed"]
     """A lattice, one that is displaced at random by 0.1 spacings, or a relaxed arrangement."""
-    seed: Annotated[int, Field(ge=0, lt=2**56)] = 1
+    seed: _Seed = 1
     fixed: tuple[Name, ...] = ()
     """Names of phases whose points "packed" keeps its distance from."""
 
@@ -99,6 +111,7 @@ class AroundFill(_FillTable):
     """Name of a ball, circle or sphere."""
     fixed: tuple[Name, ...] = ()
     """Names of phases whose points push but do not move: walls, what fills the ball."""
+    reach: Annotated[Number, Field(ge=0)]
 
     def estimate(self, scope: Scope) -> float:
         """About how many particles."""
@@ -107,7 +120,8 @@ class AroundFill(_FillTable):
     def build(self, scope: Scope) -> Filled:
         """Points and volume."""
         ball = ball_of(scope, "ball", self.ball)
-        points = around(scope.domain, self.spacing, ball, points_of(scope, self.fixed))
+        fixed = points_of(scope, self.fixed)
+        points = around(scope.domain, self.spacing, ball, fixed, self.reach)
         return points, self.spacing**scope.dim
 
 
@@ -154,6 +168,68 @@ class PointsFill(_FillTable):
         return points, self.spacing**scope.dim
 
 
+#: Arrangements that others are made from.
+ArrangedTable = Annotated[LatticeFill | RingsFill | PointsFill, Field(discriminator="type")]
+
+
+class _MadeOf(_FillTable):
+    of: Any
+
+    def needs(self) -> Iterable[str]:
+        """See the base class."""
+        return (*self.of.needs(), *super().needs())
+
+    def estimate(self, scope: Scope) -> float:
+        """As many as those that are moved."""
+        return self.of.estimate(scope)
+
+
+@describes(jittered)
+class JitteredFill(_MadeOf):
+    """Another arrangement, displaced at random; across periodic edges points come in again."""
+
+    type: Literal["jittered"]
+    """What it is."""
+    of: ArrangedTable
+    """The arrangement: a lattice, rings or points."""
+    amplitude: Annotated[Length, Field(ge=0)]
+    """Standard deviation of the displacements along each axis."""
+    seed: _Seed = 1
+    """Of the random displacements."""
+
+    def build(self, scope: Scope) -> Filled:
+        """Points and volume."""
+        points, volume = self.of.build(scope)
+        return wrapped(scope.domain, jittered(points, self.amplitude, self.seed)), volume
+
+
+@describes(packed)
+class PackedFill(_MadeOf):
+    """Another arrangement, relaxed until its points are evenly spread."""
+
+    type: Literal["packed"]
+    """What it is."""
+    of: Annotated[LatticeFill | RingsFill | PointsFill | JitteredFill, Field(discriminator="type")]
+    """The arrangement: a lattice, rings or points, which may be jittered."""
+    spacing: _Spacing
+    fixed: tuple[Name, ...] = ()
+    """Names of phases whose points push but do not move: walls, bodies."""
+    keep_inside: Name | None
+    """Name of a shape; points that leave it are put back on the near side of its surface."""
+    tolerance: Annotated[Number, Field(ge=0)]
+    iterations: Annotated[int, Field(gt=0, le=MOST_ITERATIONS)]
+
+    def build(self, scope: Scope) -> Filled:
+        """Points and volume."""
+        points, volume = self.of.build(scope)
+        fixed = points_of(scope, self.fixed)
+        inside = scope.shape(self.keep_inside) if self.keep_inside else None
+        moved = packed(
+            points, scope.domain, self.spacing, fixed, inside, self.tolerance, self.iterations
+        )
+        return moved, volume
+
+
 def points_of(scope: Scope, names: Iterable[str]) -> np.ndarray | None:
     """The points of phases that are there already, one after another."""
     found = [scope.phases[name].points for name in names]
@@ -171,5 +247,6 @@ def wall_sites(scope: Scope, spacing: float, layers: int, axis: int | None) -> f
 
 
 FillTable = Annotated[
-    LatticeFill | ArrangedFill | AroundFill | RingsFill | PointsFill, Field(discriminator="type")
+    LatticeFill | ArrangedFill | AroundFill | RingsFill | PointsFill | JitteredFill | PackedFill,
+    Field(discriminator="type"),
 ]

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Annotated, Any, Literal
 
-from pydantic import Field
+import numpy as np
+from pydantic import BeforeValidator, Field
 
 from particell.casefile.fills import FillTable, sites, wall_sites
 from particell.casefile.scope import Scope
-from particell.casefile.table import Axis, Name, Profile, Table, describes
+from particell.casefile.table import Axis, Name, Profile, Table, as_text, describes
 from particell.geometry.shapes import Shape
 from particell.phases import Phase, box_walls, channel_walls, fluid
 from particell.units import Length
@@ -76,8 +77,9 @@ class ParticlesPhase(_PhaseTable):
     name: Name
     fill: FillTable
     """Where the particles are."""
-    volume: Any = None
-    """Volume of a particle (m, m^2 or m^3, as the domain has dimensions), else that of the fill."""
+    volume: Annotated[Any, BeforeValidator(as_text)] = None
+    """Volume of a particle, or a list of each one's (m, m^2 or m^3, as the domain has dimensions),
+    else that of the fill."""
     kind: Literal["fluid", "wall"]
     velocity: _Velocity | None
     """Initial velocity, one number or formula of x, y, z for each dimension. Walls keep it."""
@@ -98,7 +100,7 @@ class ParticlesPhase(_PhaseTable):
         """The phase."""
         points, volume = self.fill.build(scope)
         if self.volume is not None:
-            volume = scope.number("volume", self.volume, f"m^{scope.dim}")
+            volume = self._volume(scope)
         surface: Shape | None = scope.shape(self.surface) if self.surface else None
         return [
             Phase(
@@ -113,6 +115,12 @@ class ParticlesPhase(_PhaseTable):
                 self.slides,
             )
         ]
+
+    def _volume(self, scope: Scope) -> Any:
+        unit = f"m^{scope.dim}"
+        if isinstance(self.volume, list | tuple):
+            return np.array([scope.number("volume", one, unit) for one in self.volume])
+        return scope.number("volume", self.volume, unit)
 
 
 @describes(channel_walls)

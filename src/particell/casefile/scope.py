@@ -10,6 +10,7 @@ import numpy as np
 
 from particell.casefile.constants import Constants
 from particell.casefile.formula import AXES, TIME, Formula, is_formula
+from particell.chemistry.sbml import SBMLModel
 from particell.errors import InputError, unknown_name
 from particell.geometry.domain import Domain
 from particell.geometry.shapes import Shape
@@ -45,7 +46,7 @@ class Scope:
 
     Attributes
     ----------
-    constants, domain, materials, shapes, phases, species
+    constants, domain, materials, shapes, phases, species, networks
         What has been made so far.
     """
 
@@ -55,6 +56,7 @@ class Scope:
         self.shapes: dict[str, Shape] = {}
         self.phases: dict[str, Phase] = {}
         self.species: tuple[str, ...] = ()
+        self.networks: list[SBMLModel] = []
         units: Any = registry()
         middle = 0.5 * (domain.lower + domain.upper)
         self._quantities = {**constants.quantities, TIME: units.Quantity(1.0, "s")}

@@ -166,6 +166,16 @@ class ByGroup(_Converted):
         return {"anyOf": [*one["anyOf"], table], "x-unit": self.unit}
 
 
+def as_text(value: Any) -> Any:
+    """Quantities whose unit is known later only as text, which a run's description can hold."""
+    if isinstance(value, list | tuple):
+        return [as_text(one) for one in value]
+    if hasattr(value, "to_base_units"):
+        base = value.to_base_units()
+        return f"{float(base.magnitude)!r} {base.units}"
+    return value
+
+
 @contextmanager
 def within(place: str) -> Iterator[None]:
     """Say in errors where in the file they are."""

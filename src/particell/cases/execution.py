@@ -172,8 +172,9 @@ def read_case_file(path: str | Path) -> tuple[type[Case], dict[str, Any]]:
         raise InputError("case file", str(path), f"valid TOML ({reason(error)})") from None
     if not {"case", "parameters"} & set(content):
         from particell.casefile.case import FileCase
+        from particell.casefile.networks import located
 
-        return FileCase, {"name": _name_of(path), **content}
+        return FileCase, {"name": _name_of(path), **located(content, Path(path).parent)}
     for key in content:
         if key not in ("case", "parameters"):
             raise unknown_name("key", key, ("case", "parameters"))

@@ -69,6 +69,13 @@ class FixedValueWall:
         The wall's particles.
     values
         Surface concentrations in mol/m³ by species; the wall is impermeable to others.
+
+    Notes
+    -----
+    The surface is that of the wall's phase (``Phase(..., surface=)``; those of ``channel_walls``
+    and ``box_walls`` have one). For a wall without, each particle has the value at its own place
+    and nothing is extrapolated: of first order, an error of about half a spacing over the distance
+    that the concentration changes over.
     """
 
     group: str

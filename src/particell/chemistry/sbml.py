@@ -122,7 +122,36 @@ def read_sbml(
         reactions between compartments, compartments that are no volumes or change, functions
         other than powers, stoichiometries that are not whole.
     """
-    document, notes = _document(Path(path))  # kept: libSBML's objects die with it
+    return parse_sbml(sbml_text(path), path, diffusivity, molecules, only_in, units)
+
+
+def sbml_text(path: str | Path) -> str:
+    """What an SBML file holds.
+
+    Raises
+    ------
+    InputError
+        Where it is no readable text.
+    """
+    if not Path(path).is_file():
+        raise InputError("SBML file", str(path), "a readable file")
+    try:
+        return Path(path).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        allowed = f"a readable file in UTF-8 ({getattr(error, 'strerror', None) or 'it is not'})"
+        raise InputError("SBML file", str(path), allowed) from None
+
+
+def parse_sbml(
+    text: str,
+    path: str | Path,
+    diffusivity: Diffusivity = 0.0,
+    molecules: bool | Collection[str] = False,
+    only_in: Mapping[str, Any] | None = None,
+    units: Mapping[str, str] | None = None,
+) -> SBMLModel:
+    """As :func:`read_sbml`, from the text of a file; ``path`` is what messages call it."""
+    document, notes = _document(text, Path(path))  # kept: libSBML's objects die with it
     model = document.getModel()
     _refuse(model)
     reader = Units(model, units or {})
@@ -164,15 +193,13 @@ def read_sbml(
     )
 
 
-def _document(path: Path) -> tuple[Any, list[str]]:
+def _document(text: str, path: Path) -> tuple[Any, list[str]]:
     try:
         import libsbml
     except ImportError:
         allowed = "read where libSBML is installed (pip install 'particell[sbml]')"
         raise InputError("SBML file", str(path), allowed) from None
-    if not path.is_file():
-        raise InputError("SBML file", str(path), "a readable file")
-    document = libsbml.readSBMLFromFile(str(path))
+    document = libsbml.readSBMLFromString(text)
     _raise_errors(path, document)
     if document.getLevel() not in (2, 3):
         raise InputError("SBML level", document.getLevel(), "2 or 3")

@@ -92,6 +92,13 @@ def jittered(points: np.ndarray, amplitude: float, seed: int) -> np.ndarray:
     return points + amplitude * np.random.default_rng(seed).standard_normal(points.shape)
 
 
+def wrapped(domain: Domain, points: np.ndarray) -> np.ndarray:
+    """Points (n, D) that left through a periodic edge, in again on the other side."""
+    return np.where(
+        domain.periodic, domain.lower + (points - domain.lower) % domain.lengths, points
+    )
+
+
 @checked
 def arranged(
     domain: Domain,
@@ -127,9 +134,8 @@ def arranged(
         return points
     amplitude = JITTER if kind == "jittered" else SHAKEN
     moved = jittered(points, amplitude * spacing, seed)
-    wrapped = domain.lower + (moved - domain.lower) % domain.lengths
     inside = np.clip(moved, domain.lower + 0.2 * spacing, domain.upper - 0.2 * spacing)
-    points = np.where(domain.periodic, wrapped, inside)
+    points = wrapped(domain, np.where(domain.periodic, moved, inside))
     if kind == "jittered":
         return points
     lower = np.where(domain.periodic, -np.inf, domain.lower)
@@ -279,9 +285,7 @@ def packed(
         moving += shift
         if keep_inside is not None:
             moving = _put_back(moving, keep_inside, 0.3 * spacing)
-        moving = np.where(
-            domain.periodic, domain.lower + (moving - domain.lower) % domain.lengths, moving
-        )
+        moving = wrapped(domain, moving)
         if np.abs(shift).max() < tolerance * spacing:
             break
     return moving

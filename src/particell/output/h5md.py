@@ -13,6 +13,9 @@ P. de Buyl, P. Colberg, F. Höfling, Comput. Phys. Commun. 185 (2014) 1546; nong
 from __future__ import annotations
 
 import contextlib
+import ctypes
+import os
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
@@ -34,6 +37,9 @@ AVERAGES = "averages"
 CHUNK_BYTES = 1 << 16
 
 UNIT_ATTRIBUTE = "si_unit"
+#: How often HDF5 looks at a part of a growing file before it takes it for damaged. Each wait is
+#: twice the one before, of 1 ns: 2 s in all. (Its own number of 100 is for ever.)
+READ_ATTEMPTS = 31
 
 
 def text(value: object) -> str:
@@ -42,16 +48,73 @@ def text(value: object) -> str:
 
 
 def _open(path: Path) -> h5py.File:
-    """A file opened in the ordinary mode if it was closed, else in that for files that grow.
-
-    In the latter HDF5 waits for what is damaged to become whole, for minutes.
-    """
+    """A file opened in the ordinary mode if it was closed, else in that for files that grow."""
     try:
         return h5py.File(path, "r")
     except OSError as error:
-        if not any(words in str(error) for words in ("SWMR", "open for write", "lock file")):
+        words = str(error)
+        if not any(w in words for w in ("SWMR", "open for write", "lock file", "truncated")):
             raise
-    return h5py.File(path, "r", libver=LIBVER, swmr=True)
+        try:
+            return _open_growing(path)
+        except OSError:
+            if "truncated" in words:  # it was closed, and cut later
+                raise error from None
+            raise
+
+
+def _open_growing(path: Path) -> h5py.File:
+    access = h5py.h5p.create(h5py.h5p.FILE_ACCESS)
+    access.set_fclose_degree(h5py.h5f.CLOSE_STRONG)
+    access.set_libver_bounds(h5py.h5f.LIBVER_V110, h5py.h5f.LIBVER_LATEST)
+    _limit_attempts(access)
+    flags = h5py.h5f.ACC_RDONLY | h5py.h5f.ACC_SWMR_READ
+    file = h5py.File(h5py.h5f.open(os.fsencode(path), flags, access))
+    try:
+        _check_length(file, path)
+    except BaseException:
+        file.close()
+        raise
+    return file
+
+
+def _limit_attempts(access: h5py.h5p.PropFAID) -> None:
+    """Set :data:`READ_ATTEMPTS`, for which h5py has no function."""
+    try:
+        # of the library that h5py has loaded; Windows does not find it there
+        function = ctypes.CDLL(h5py.h5p.__file__).H5Pset_metadata_read_attempts
+    except (OSError, AttributeError):
+        return
+    function(ctypes.c_int64(access.id), ctypes.c_uint(READ_ATTEMPTS))
+
+
+def _check_length(file: h5py.File, path: Path) -> None:
+    """Refuse a growing file that ends before its numbers do: HDF5 reads zeros there."""
+    needed = 0
+
+    def visit(_: str, item: object) -> None:
+        nonlocal needed
+        if not isinstance(item, h5py.Dataset):
+            return
+        ends = [info.byte_offset + info.size for info in _chunks(item)]
+        if (offset := item.id.get_offset()) is not None:
+            ends.append(offset + item.id.get_storage_size())
+        needed = max([needed, *ends])
+
+    file.visititems(visit)
+    for wait in (0.0, 0.1, 0.4):  # it may be about to grow
+        time.sleep(wait)
+        size = path.stat().st_size
+        if size >= needed:
+            return
+    raise OSError(f"its end is missing: {size} bytes of at least {needed}")
+
+
+def _chunks(dataset: h5py.Dataset) -> list[Any]:
+    found: list[Any] = []
+    if dataset.chunks:
+        dataset.id.chunk_iter(found.append)
+    return found
 
 
 @contextlib.contextmanager
@@ -81,8 +144,12 @@ def open_trajectory(path: str | Path) -> Iterator[h5py.File]:
         except (InputError, OutputError):
             raise
         except (OSError, RuntimeError, KeyError) as error:  # an IndexError is the caller's
-            allowed = f"whole: it is damaged ({reason(error)})"
-            raise InputError("trajectory", str(path), allowed) from None
+            raise damaged(path, error) from None
+
+
+def damaged(path: Path, error: BaseException) -> InputError:
+    """That a trajectory cannot be read."""
+    return InputError("trajectory", str(path), f"whole: it is damaged ({reason(error)})")
 
 
 def element_names(group: h5py.Group) -> list[str]:

@@ -31,6 +31,7 @@ from particell.output.h5md import (
     complete_frames,
     copy_group,
     create_element,
+    damaged,
     element_names,
     extend,
     open_trajectory,
@@ -172,10 +173,15 @@ class TrajectoryWriter:
             reserve(path, path.stat().st_size + SLACK)
             try:
                 with writer._replacing() as target:
-                    copy_group(source, target, keep, {})
+                    try:
+                        copy_group(source, target, keep, {})
+                    except (OSError, RuntimeError) as error:
+                        if "write" in str(error):
+                            raise
+                        raise damaged(path, error) from None  # the old file
             except (OSError, RuntimeError) as error:
-                if isinstance(error, OutputError) or "write" not in str(error):
-                    raise  # of reading: the old file is damaged
+                if isinstance(error, OutputError):
+                    raise
                 raise OutputError(f"cannot write {path}: {reason(error)}") from error
         return writer
 

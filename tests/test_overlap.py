@@ -36,17 +36,21 @@ def test_overlap_is_refused_by_every_scheme(scheme):
     refused(scheme, [water, shifted], "'again and fluid'")
     wall = phase([(4.5, 4.6)], "wall", kind="wall")
     refused(scheme, [water, wall], "'fluid and wall'")
-    refused(scheme, phase([(1, 1), (3, 3), (1.1, 1.1)]), "'fluid'", "[1.0, 1.0]")
-    refused(scheme, phase([(0.05, 4), (7.95, 4)]), "'fluid'", "[0.05, 4.0]")
+    refused(scheme, [phase([(0.05, 4)]), phase([(7.95, 4)], "b")], "'b and fluid'", "4.0]")
+    refused(scheme, phase([(1, 1), (3, 3), (1, 1 + 1e-9)]), "'fluid'", "[1.0, 1.0")
     refused(scheme, phase([(0, 4), (8, 4)]), "'fluid'")
+    many = [phase([(1, 1), (1.05, 1)]), phase([(1.1, 1)], "b")]  # the nearest are of one phase
+    refused(scheme, many, "'b and fluid'")
 
 
 @pytest.mark.parametrize(
     "phases",
     [
-        phase([(1, 0.05), (1, 7.95)]),  # y is not periodic
-        phase([(1, 1), (1.21, 1)]),
-        phase([(1, 1), (1.25, 1)], spacing=1.3),  # a large support is no large particle
+        [phase([(1, 0.05)]), phase([(1, 7.95)], "b")],  # y is not periodic
+        [phase([(1, 1)]), phase([(1.21, 1)], "b")],
+        # a large support is no large particle
+        [phase([(1, 1)], spacing=1.3), phase([(1.25, 1)], "b", spacing=1.3)],
+        phase(np.random.default_rng(1).random((64, 2)) * 8),  # a phase may be at random
         [pc.fluid(BOX, WATER, 1.0), *pc.channel_walls(BOX, WATER, 1.0, axis=1)],
         *(phase(arranged(BOX, 1.0, kind, 3)) for kind in ("hexagonal", "jittered", "packed")),
     ],

@@ -17,9 +17,11 @@ from particell.materials import Fluid
 from particell.particles import Group, Particles
 from particell.phases import Phase
 
-#: Particles nearer to each other than this part of their size overlap: a filling made twice, or
-#: walls put into the fluid. At the very same place they never part again.
+#: Particles of two phases that are nearer than this part of their size overlap: a filling made
+#: twice, or walls put into the fluid.
 TOO_NEAR = 0.2
+#: Particles nearer than this part of their size never part again.
+SAME_PLACE = 1e-6
 
 
 def build_materials(
@@ -95,9 +97,11 @@ def check_phases(domain: Domain, phases: list[Phase]) -> None:
 
 
 def check_overlap(domain: Domain, phases: Sequence[Phase]) -> None:
-    """Refuse particles nearer to each other than :data:`TOO_NEAR` of the smaller one's size.
+    """Refuse particles of two phases that overlap, and of one phase that are at the same place.
 
-    Their size is volume^(1/D), or their spacing where that is less. Periodic images count.
+    Overlapping is nearer than :data:`TOO_NEAR` of the smaller one's size, which is volume^(1/D), or
+    its spacing where that is less; the same place is nearer than :data:`SAME_PLACE` of it, as the
+    points of a phase may be at random. Periodic images count.
 
     Raises
     ------
@@ -108,29 +112,26 @@ def check_overlap(domain: Domain, phases: Sequence[Phase]) -> None:
     if len(points) < 2:
         return
     phase = np.repeat(np.arange(len(phases)), [len(p.points) for p in phases])
-    sizes = [
-        np.minimum(np.asarray(p.volume) ** (1 / domain.dim), p.particle_spacing) for p in phases
-    ]
-    reach = TOO_NEAR * np.concatenate(sizes)
+    size = np.concatenate(
+        [np.minimum(np.asarray(p.volume) ** (1 / domain.dim), p.particle_spacing) for p in phases]
+    )
     periods = np.where(domain.periodic, domain.lengths, 0.0)
-    origin = points.min(axis=0)
-    wrapped = points - np.where(domain.periodic, domain.lower, origin)
+    wrapped = points - np.where(domain.periodic, domain.lower, points.min(axis=0))
     wrapped = np.where(domain.periodic, np.mod(wrapped, domain.lengths), wrapped)
     wrapped[wrapped >= np.where(domain.periodic, domain.lengths, np.inf)] = 0.0
-    near, nearest = cKDTree(wrapped, boxsize=periods).query(
-        wrapped, k=2, distance_upper_bound=float(reach.max())
-    )
-    # the nearest is the particle itself, or one at the same place
-    other = np.where(nearest[:, 0] == np.arange(len(points)), nearest[:, 1], nearest[:, 0])
-    distance, other = near[:, 1], np.minimum(other, len(points) - 1)
-    bad = np.flatnonzero(distance < np.minimum(reach, reach[other]))
+    tree = cKDTree(wrapped, boxsize=periods)
+    i, j = tree.query_pairs(TOO_NEAR * float(size.max()), output_type="ndarray").T
+    offset = wrapped[i] - wrapped[j]
+    offset -= periods * np.rint(offset * domain.inverse_periods)
+    allowed = np.where(phase[i] == phase[j], SAME_PLACE, TOO_NEAR) * np.minimum(size[i], size[j])
+    bad = np.flatnonzero(np.linalg.norm(offset, axis=1) < allowed)
     if bad.size:
-        i, j = bad[0], other[bad[0]]
-        names = sorted({phases[phase[i]].name, phases[phase[j]].name})
+        first, second = min(zip(i[bad], j[bad], strict=True))
+        names = sorted({phases[phase[first]].name, phases[phase[second]].name})
         raise InputError(
             "phases",
             " and ".join(names),
-            f"without particles on top of each other: there are two at {points[i].tolist()} m",
+            f"without particles on top of each other: there are two at {points[first].tolist()} m",
         )
 
 

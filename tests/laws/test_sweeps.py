@@ -18,6 +18,7 @@ from systems import (
     lattice_viscosity,
     lucy_sums,
     periodic_lattice,
+    random_places,
     unit_fluid,
 )
 
@@ -64,6 +65,7 @@ def scattered(dim, materials=1, supports=1, seed=1, **scheme):
     random = np.random.default_rng(seed)
     domain = Domain((0,) * dim, (8,) * dim, periodic="xyz"[:dim], depth=1.0)
     number = {1: 16, 2: 100, 3: 400}[dim]
+    places = random_places(random, number, domain, apart=0.2)
     first = unit_fluid(viscosity=0.3, bulk_viscosity=0.2, temperature=UNIT_TEMPERATURE)
     second = first
     if materials == 2:
@@ -79,12 +81,15 @@ def scattered(dim, materials=1, supports=1, seed=1, **scheme):
         Phase(
             name,
             material,
-            random.uniform(0, 8, (number // 2, dim)),
+            points,
             8**dim / number * random.uniform(0.5, 1.5, number // 2),
             velocity=random.normal(size=(number // 2, dim)),
             spacing=spacing,
         )
-        for name, material, spacing in (("a", first, 1.0), ("b", second, [1.0, 0.8][supports - 1]))
+        for name, material, spacing, points in (
+            ("a", first, 1.0, places[::2]),
+            ("b", second, [1.0, 0.8][supports - 1], places[1::2]),
+        )
     ]
     simulation = Simulation(domain, phases, SDPD(**scheme), dt=0.01)
     simulation.particles.set("density", random.uniform(0.9, 1.1, number))

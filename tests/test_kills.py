@@ -214,7 +214,7 @@ def test_killed_before_the_first_checkpoint(killer):
 
 
 def test_frames_without_a_checkpoint_are_not_thrown_away(killer):
-    assert killer("run lost at frame-part 60") == -9
+    assert killer("run lost at frame-part 80") == -9
     (killer.directory / "lost" / "checkpoint.h5").unlink()
     frames = len(Run(killer.directory / "lost"))
     assert frames > 1

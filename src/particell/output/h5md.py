@@ -38,8 +38,8 @@ CHUNK_BYTES = 1 << 16
 
 UNIT_ATTRIBUTE = "si_unit"
 #: How often HDF5 looks at a part of a growing file before it takes it for damaged. Each wait is
-#: twice the one before, of 1 ns: 2 s in all. (Its own number of 100 is for ever.)
-READ_ATTEMPTS = 31
+#: twice the one before, of 1 ns: half a second in all. (Its own number of 100 is for ever.)
+READ_ATTEMPTS = 29
 
 
 def text(value: object) -> str:

@@ -96,12 +96,14 @@ def check_phases(domain: Domain, phases: list[Phase]) -> None:
                 raise InputError(f"points of '{p.name}'", point.tolist(), f"inside {domain}")
 
 
-def check_overlap(domain: Domain, phases: Sequence[Phase]) -> None:
+def check_overlap(
+    domain: Domain, phases: Sequence[Phase], within_phase: float = SAME_PLACE
+) -> None:
     """Refuse particles of two phases that overlap, and of one phase that are at the same place.
 
     Overlapping is nearer than :data:`TOO_NEAR` of the smaller one's size, which is volume^(1/D), or
-    its spacing where that is less; the same place is nearer than :data:`SAME_PLACE` of it, as the
-    points of a phase may be at random. Periodic images count.
+    its spacing where that is less; the same place is nearer than ``within_phase`` of it, by default
+    :data:`SAME_PLACE`, as the points of a phase may be at random. Periodic images count.
 
     Raises
     ------
@@ -123,7 +125,7 @@ def check_overlap(domain: Domain, phases: Sequence[Phase]) -> None:
     i, j = tree.query_pairs(TOO_NEAR * float(size.max()), output_type="ndarray").T
     offset = wrapped[i] - wrapped[j]
     offset -= periods * np.rint(offset * domain.inverse_periods)
-    allowed = np.where(phase[i] == phase[j], SAME_PLACE, TOO_NEAR) * np.minimum(size[i], size[j])
+    allowed = np.where(phase[i] == phase[j], within_phase, TOO_NEAR) * np.minimum(size[i], size[j])
     bad = np.flatnonzero(np.linalg.norm(offset, axis=1) < allowed)
     if bad.size:
         first, second = min(zip(i[bad], j[bad], strict=True))

@@ -57,6 +57,13 @@ def test_empty_domain():
     refused("spacing", "at most the shortest edge", phases__1__spacing=1.0, phases__2__spacing=1.0)
 
 
+def test_points_of_a_phase_that_are_nearly_at_the_same_place():
+    near = {"type": "points", "points": [[1e-5, 1e-5], [1.01e-5, 1e-5]], "spacing": 1e-5}
+    phase = {"type": "Phase", "name": "f", "material": "water", "fill": near}
+    rest = {"species": [], "reactions": [], "initial": [], "boundaries": []}
+    refused("phases", "on top of each other", phases=[phase], **rest)
+
+
 def test_overlapping_particles():
     again = {**small()["phases"][0], "name": "again"}
     refused("again and fluid", "on top of each other", phases=[*small()["phases"], again])

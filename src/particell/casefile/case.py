@@ -31,6 +31,7 @@ from particell.errors import InputError, unknown_name
 from particell.geometry.domain import Domain
 from particell.output.run import Run
 from particell.phases import Phase
+from particell.setup import TOO_NEAR, check_overlap
 from particell.simulation import Simulation
 
 #: The tables of several kinds, by the key that they are at.
@@ -263,7 +264,9 @@ class FileCase(Case):
                 if not all(len(phase.points) for phase in made[k]):
                     raise InputError("number of particles", 0, "at least one particle")
                 scope.phases |= {phase.name: phase for phase in made[k]}
-        return [phase for k in range(len(self.phases)) for phase in made[k]]
+        phases = [phase for k in range(len(self.phases)) for phase in made[k]]
+        check_overlap(scope.domain, phases, within_phase=TOO_NEAR)
+        return phases
 
     def analyse(self, run: Run, simulation: Simulation) -> dict[str, Metric]:
         """What is conserved; see :mod:`particell.casefile.results`."""

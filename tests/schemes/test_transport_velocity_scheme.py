@@ -193,6 +193,8 @@ def test_one_and_two_threads_give_the_same_bits(monkeypatch):
         ("momentum_flux", "both"),
         ("filter_every", -1),
         ("filter_every", 1.5),
+        ("density_diffusion", -0.1),
+        ("density_diffusion", 0.3),
         ("skin", 0.0),
         ("kernel", "gauss"),
     ],

@@ -71,6 +71,7 @@ class TransportVelocityTable(_MovingTable):
     renormalise: bool
     pressure_switch: bool
     filter_every: Annotated[int, Field(ge=0)]
+    density_diffusion: Number
     impenetrable: bool
     normalise_viscosity: bool
     species_flux: bool

@@ -33,6 +33,8 @@ PAPER_CORNERS = dict(zip(CORNERS, (0.20, 0.15, 0.30, 0.35), strict=True))
 #: Limits of the arrangement in spacings: the largest void has the size of a missing particle, and
 #: the closest pair half a spacing.
 VOID_LIMIT, CLOSEST_LIMIT = 1.0, 0.5
+#: Largest speed of a particle over U: a lid that turns one back gives it up to 2, and it had some.
+SPEED_LIMIT = 2.5
 #: Points along a centreline in figures.
 FINE = 161
 #: Ghia's value of u at Re = 10000 and y = 1/2 is thought to be misprinted.
@@ -173,12 +175,29 @@ def metrics(case: LidDrivenCavity, run: Run, simulation: Simulation) -> dict[str
     even = evenness(run.field("position")[-1], case.spacing, run.domain)
     found["largest_void"] = Metric(even.void, limit=VOID_LIMIT)
     found["crowding"] = Metric(1 / even.closest, limit=1 / CLOSEST_LIMIT)
+    found |= outliers(case, run)
     found["density_drift"] = density_drift(run, simulation, case.density)
     counts = simulation.conservation()
     if "inside walls" in counts:
         found["inside_walls"] = Metric(counts["inside walls"], limit=0.0)
         found["bounces"] = Metric(counts["bounces"])
     return found
+
+
+def outliers(case: LidDrivenCavity, run: Run) -> dict[str, Metric]:
+    """The fastest particle and the density farthest from ρ₀, of all frames.
+
+    A wall that turns a particle back changes its velocity by up to 2U, relative to a lid that it
+    has hardly followed; sound of that amplitude is a density of 2U/c₀. More is not calm.
+    """
+    fluid, frames = run.group("fluid"), range(len(run))
+    velocity, density = run.field("velocity"), run.field("density")
+    speed = max(float(np.linalg.norm(velocity[k][fluid], axis=1).max()) for k in frames)
+    compression = max(float(np.abs(density[k][fluid] / case.density - 1).max()) for k in frames)
+    return {
+        "largest_speed": Metric(speed / case.speed, limit=SPEED_LIMIT),
+        "largest_compression": Metric(compression, limit=2 * case.mach),
+    }
 
 
 def figures(case: LidDrivenCavity, run: Run, directory: Path) -> list[Path]:

@@ -18,7 +18,7 @@ from particell.compute.device import Device
 from particell.compute.loop import particle_loop
 from particell.compute.rounding import nearest_whole
 from particell.kernels import power, shape_f, shape_w
-from particell.laws.continuity import divergence
+from particell.laws.continuity import density_diffusion, divergence
 from particell.laws.pairs import image_offset
 from particell.laws.transport_velocity import (
     conserving_flux,
@@ -83,6 +83,8 @@ def flux_rates(
     flux_matter,
     flux_wall,
     flux_support,
+    group,
+    diffusion,
     density_rate,
     flux,
     *,
@@ -95,12 +97,14 @@ def flux_rates(
     UNKNOWN,
     FLUX,
     EXACT,
+    DELTA,
 ):
     """Density rate (kg/m³/s) of particle i, and its acceleration by δv (m/s²) in ``flux``.
 
     The batch holds x_ij, v_ij, δv_j, ρ_j, V_j; for walls the factor by which their difference of
     velocity grows (:mod:`particell.boundaries.wall`), and 1 for fluid, 0 for walls, which take no
-    part in the fluxes. With ``EXACT`` the density follows v and δv by the consistent gradient.
+    part in the fluxes. With ``EXACT`` the density follows v and δv by the consistent gradient; with
+    ``DELTA`` it diffuses, ``diffusion`` being 2 δ h c₀ by group.
     """
     if is_wall[i]:
         for d in range(DIM):
@@ -127,7 +131,7 @@ def flux_rates(
     inverse_h = 1.0 / hi
     scale = alpha * inverse_h * inverse_h / power(hi, DIM)
     reach2 = hi * hi
-    expansion, gain = 0.0, 0.0
+    expansion, gain, spread = 0.0, 0.0, 0.0
     txx, tyy, tzz, txy, tyz, tzx = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     gxx, gyy, gzz, gxy, gyz, gzx = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     ax, ay, az = 0.0, 0.0, 0.0
@@ -260,6 +264,8 @@ def flux_rates(
                 along = (du * dx + dv * dy + dw * dz + own_x - its_x) * grow
                 expansion += divergence(weight, along)
                 gain += mass_flux(inner, density_i, density_j, own_x, its_x)
+            if DELTA:
+                spread += density_diffusion(inner, density_i, density_j)
             ratio = density_j * inverse_density
             if FLUX == 1:
                 along = uniform_flux(inner, ratio, its_x)
@@ -278,11 +284,12 @@ def flux_rates(
             tyy = 1.0
         if DIM < 3:
             tzz = 1.0
-        density_rate[i] = consistent_trace(
-            txx, tyy, tzz, txy, tyz, tzx, gxx, gyy, gzz, gxy, gyz, gzx
-        )
+        rate = consistent_trace(txx, tyy, tzz, txy, tyz, tzx, gxx, gyy, gzz, gxy, gyz, gzx)
     else:
-        density_rate[i] = -density_i * expansion + gain
+        rate = -density_i * expansion + gain
+    if DELTA:
+        rate += diffusion[group[i]] * spread
+    density_rate[i] = rate
     flux[i, 0] = ax
     if DIM > 1:
         flux[i, 1] = ay

@@ -25,6 +25,9 @@ from particell.schemes.timestep import VISCOUS
 from particell.schemes.transport_rates import FORMS, PRESSURE_FORCES
 from particell.schemes.transport_velocity_solver import TransportVelocitySolver
 
+#: Largest δ: explicit diffusion at the time step that sound allows is unstable at 0.3.
+MOST_DIFFUSION = 0.2
+
 
 @checked
 @dataclass(frozen=True)
@@ -64,6 +67,11 @@ class TransportVelocity:
         ``pressure_force``).
     filter_every
         Steps between two applications of the density filter; 0 switches it off.
+    density_diffusion
+        δ of the density's diffusion (:mod:`particell.laws.continuity`), at most 0.2, among fluid
+        particles. Without it nothing but viscosity and the filter damps sound, and where the flow
+        has structures that the particles do not resolve (U Δp/ν well above 10, next to walls), the
+        density of single particles may run away; 0.1 is enough.
     impenetrable
         Bounce particles back that have crossed a wall's surface: at the surface itself where it is
         known (:mod:`particell.boundaries.impenetrable`), else by the boundary volume fraction
@@ -92,6 +100,7 @@ class TransportVelocity:
     pressure_force: str = "symmetric"
     fixed_volume: bool = False
     filter_every: int = 20
+    density_diffusion: float = 0.0
     impenetrable: bool = True
     normalise_viscosity: bool = False
     species_flux: bool = False
@@ -105,7 +114,6 @@ class TransportVelocity:
     integrator: ClassVar[str] = "velocity-verlet"
     noise: ClassVar[str] = "bounded"
     fluctuations: ClassVar[bool] = False
-    delta: ClassVar[float] = 0.0
     viscous_factor: ClassVar[float] = VISCOUS
 
     def __post_init__(self) -> None:
@@ -123,10 +131,18 @@ class TransportVelocity:
             raise InputError("pressure_switch", True, "False with pressure_force 'difference'")
         if not self.filter_every >= 0:
             raise InputError("filter_every", self.filter_every, "a whole number, zero or more")
+        if not 0 <= self.density_diffusion <= MOST_DIFFUSION:
+            allowed = f"between 0 and {MOST_DIFFUSION}"
+            raise InputError("density_diffusion", self.density_diffusion, allowed)
         not_negative("reference_speed", self.reference_speed)
         not_negative("pressure_drop", self.pressure_drop)
         if not 0 < self.skin <= 1:
             raise InputError("skin", self.skin, "between 0 and 1 supports")
+
+    @property
+    def delta(self) -> float:
+        """δ, by the name that SDPD has for it."""
+        return self.density_diffusion
 
     @property
     def shifting(self) -> float:

@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 class TransportVelocitySolver(SDPDSolver):
     """Steps a set of particles by the transport-velocity scheme.
 
-    Forces, list and walls are those of :class:`.SDPDSolver` without noise and density diffusion,
-    with the viscosity of Morris, Fox & Zhu (J. Comput. Phys. 136 (1997) 214): 2η F/(d_i d_j) v_ij.
+    Forces, list and walls are those of :class:`.SDPDSolver` without noise, with the viscosity of
+    Morris, Fox & Zhu (J. Comput. Phys. 136 (1997) 214): 2η F/(d_i d_j) v_ij.
     Parameters as there.
     """
 
@@ -73,7 +73,8 @@ class TransportVelocitySolver(SDPDSolver):
         fields = {**self.constants, **self.neighbours.fields, **self.particles.fields}
         bind, dim, o = self.device.bind, self.dim, self.options
         same = {
-            k: o[k] for k in ("DIM", "RECORD", "BATCH", "KERNEL", "UNIFORM", "WALLS", "UNKNOWN")
+            k: o[k]
+            for k in ("DIM", "RECORD", "BATCH", "KERNEL", "UNIFORM", "WALLS", "UNKNOWN", "DELTA")
         }
         self._pack_flux = bind(pack_flux, fields, DIM=dim, RECORD=o["RECORD"])
         form, exact = FORMS[self.scheme.momentum_flux], self.scheme.renormalise

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from particell.errors import InputError, unknown_name
+from particell.errors import InputError
 from particell.geometry.domain import Domain
+from particell.output import time_averages
 from particell.output.field import Field
 from particell.output.files import read_json
-from particell.output.h5md import AVERAGES
 from particell.output.sources import FileSource, MemorySource, Source, known
 from particell.representation import block, shown, table
 from particell.units import field_unit, length_scale, observable_unit, time_scale
@@ -111,18 +111,12 @@ class Run:
     @property
     def observable_names(self) -> list[str]:
         """The recorded scalars."""
-        return [n for n in self.source.observables() if not n.startswith(f"{AVERAGES}/")]
+        return [n for n in self.source.observables() if not time_averages.is_average(n)]
 
     @property
     def average_names(self) -> dict[str, list[str]]:
         """The fields of each time average by its name."""
-        found: dict[str, list[str]] = {}
-        for path in self.source.observables():
-            kind, _, rest = path.partition("/")
-            if kind == AVERAGES:
-                name, _, field = rest.partition("/")
-                found.setdefault(name, []).append(field)
-        return found
+        return time_averages.recorded(self.source.observables())
 
     @cached_property
     def average_points(self) -> dict[str, np.ndarray]:
@@ -210,22 +204,7 @@ class Run:
         InputError
             For unknown names, and where no frame is left.
         """
-        averages = self.average_names
-        if not averages:
-            raise InputError("average", name or field, "of a run that was given 'averages'")
-        if name is None and len(averages) == 1:
-            name = next(iter(averages))
-        if name is None or name not in averages:
-            raise unknown_name("average", str(name), averages)
-        known("field", field, averages[name])
-        chosen = np.arange(len(self))[frames]
-        if not chosen.size:
-            raise InputError("frames", frames, f"some of the {len(self)} frames")
-        series = self.source.observable(f"{AVERAGES}/{name}/{field}")[chosen]
-        there = ~np.isnan(series)
-        total = np.where(there, series, 0.0).sum(axis=0)
-        number = there.sum(axis=0)
-        return np.where(number > 0, total / np.maximum(number, 1), np.nan)
+        return time_averages.mean(self.source, self.average_names, field, name, frames)
 
     def group(self, *names: str) -> np.ndarray:
         """Boolean mask (n,) of the particles of one or several groups."""

@@ -24,6 +24,7 @@ from particell.chemistry.storage import (
 )
 from particell.chemistry.switching import switch_kind
 from particell.chemistry.walks import Walks
+from particell.compute.batches import batch_size
 from particell.compute.device import Device
 from particell.compute.neighbours import NeighbourList
 from particell.compute.philox import JUMP, REACTION, RESERVOIR, ROUNDING, SPONGE, stream_key
@@ -113,12 +114,12 @@ class Chemistry(Contents):
         self.normalise, self.binomial_cost = normalise, jumps.BINOMIAL_COST
         self.jumps = self.events = self.substeps = 0
         code, dim = kernel_code(kernel), particles.dim
-        uniform = neighbours.constants["UNIFORM"]
+        uniform = bool(neighbours.constants["UNIFORM"])
         self._shape: dict[str, Any] = {
             "DIM": dim,
             "KERNEL": code,
             "UNIFORM": uniform,
-            "NORMALISE": normalise,
+            "BATCH": batch_size(device),
         }
         surface, flux, self._reservoirs = (
             any(bool((t.status == status).any()) for t in tables)
@@ -129,15 +130,18 @@ class Chemistry(Contents):
         self._keys = {p: tuple(stream_key(seed, p)) for p in purposes}
         self._switching = [int(s) for s in self.stochastic.switching]
         self._switch = {"SWITCH": bool(self._switching)}
-        self._pair = {**self._shape, "SURFACE": surface, "FLUX": flux, **self._switch}
+        self._pair = {"DIM": dim, "SURFACE": surface, "FLUX": flux, **self._switch}
         strang = splitting == "strang"
         self._fields = scratch_fields(
             device, particles, self.deterministic, self.stochastic, surface, flux, strang, normalise
         )
         self._fields.update(
-            alpha=normalisation(code, dim), depth=self.depth, quantum=1 / (self.depth * AVOGADRO)
+            **diffusion.slope_fields(device, particles.n, uniform),
+            alpha=normalisation(code, dim),
+            depth=self.depth,
+            quantum=1 / (self.depth * AVOGADRO),
+            most_events=MOST_EVENTS,
         )
-        self._fields["most_events"] = MOST_EVENTS
         self._time = math.nan
         receives = np.array([g.kind == "fluid" for g in particles.groups])
         self._amounts = table_fields(device, self.deterministic, receives)
@@ -146,6 +150,9 @@ class Chemistry(Contents):
         walls = [b for b in boundaries if isinstance(b, FluxWall)]
         self._areas = fluxes.wall_areas(particles, neighbours.domain, walls, self.depth)
         self._scale = np.zeros(len(particles.groups))
+        self._exchanging = bool(
+            len(self.deterministic.diffusing) or self._jump_tables or self._areas
+        )
         self._laws = {
             "C, k": dispatcher(self.deterministic.laws, "C, k"),
             "N, V, k": dispatcher(self.stochastic.laws, "N, V, k"),
@@ -275,10 +282,10 @@ class Chemistry(Contents):
     def _measure(self, n: int) -> None:
         """What diffusion needs of the particles' places: kernel sums, weights, areas of walls."""
         self._measured = self._at_rest
-        if self.normalise and (len(self.deterministic.diffusing) or self._walks):
-            self._kernel_sums(n)
-        if self._at_rest and len(self.deterministic.diffusing):
-            self._exchange_weights(n)
+        if not self._exchanging:
+            return
+        self._pair_slopes(n)
+        self._exchange_weights(n)
         for g, area in self._areas.items():
             self._facing_area(n, g)
             total = self._reduction.sum(self._fields["facing"].reshape(n, 1))[0]
@@ -331,8 +338,7 @@ class Chemistry(Contents):
             return
         self._rows, self._measured, self._rated = rows, False, False
         f = self._fields
-        weighted = self._at_rest and len(self.deterministic.diffusing)
-        f["exchange"] = self.device.zeros(len(rows) if weighted else 1, np.float64)
+        f["exchange"] = self.device.zeros(len(rows) if self._exchanging else 1, np.float64)
         if self._jump_tables:
             f["cumulative"] = self.device.zeros(len(rows), np.float32)
         common = {**self.neighbours.fields, **self.particles.fields, **f}
@@ -348,10 +354,11 @@ class Chemistry(Contents):
         bind = self.device.bind
         columns = len(self.deterministic.names)
         self._prepare = bind(prepare, amounts, COLUMNS=columns)
-        self._kernel_sums = bind(diffusion.kernel_sums, amounts, **self._without("NORMALISE"))
-        self._facing_area = bind(fluxes.facing_area, amounts, **self._shape)
-        self._exchange_weights = bind(diffusion.exchange_weights, amounts, **self._shape)
-        self._exchange = bind(diffusion.diffuse, amounts, **self._pair, AT_REST=self._at_rest)
+        kept = {"SUM": self.normalise, "KEEP": True}
+        self._pair_slopes = bind(diffusion.pair_slopes, amounts, **self._shape, **kept)
+        self._exchange_weights = bind(diffusion.exchange_weights, amounts, NORMALISE=self.normalise)
+        self._facing_area = bind(fluxes.facing_area, amounts, DIM=self.particles.dim)
+        self._exchange = bind(diffusion.diffuse, amounts, **self._pair)
         self._remember = bind(remember, amounts, COLUMNS=columns)
         self._average = bind(average, amounts, COLUMNS=columns)
         self._hold_amounts = bind(reservoirs.hold_amounts, amounts)
@@ -388,6 +395,3 @@ class Chemistry(Contents):
     def _with_key(self, fields: dict[str, Any], purpose: int) -> dict[str, Any]:
         key0, key1 = self._keys[purpose]
         return {**fields, "key0": key0, "key1": key1}
-
-    def _without(self, name: str) -> dict[str, Any]:
-        return {k: v for k, v in self._shape.items() if k != name}

@@ -33,7 +33,6 @@ from particell.compute.loop import particle_loop
 from particell.errors import InputError
 from particell.geometry.domain import Domain
 from particell.laws.diffusion import wall_distance
-from particell.laws.pairs import pair_f, separation_square
 from particell.particles import Particles
 
 
@@ -43,41 +42,29 @@ def facing_area(
     wanted,
     x,
     support,
-    volume,
     group,
     is_wall,
-    kernel_sum,
     start,
     stop,
     neighbours,
     period,
     inverse_period,
-    alpha,
+    exchange,
     wall_normal,
     wall_depth,
     wall_curvature,
     facing,
     *,
     DIM,
-    KERNEL,
-    UNIFORM,
-    NORMALISE,
 ):
     """The part of the area of wall group ``wanted`` that particle i faces, before scaling."""
     facing[i] = 0.0
     if is_wall[i]:
         return
-    h = support[i]
     total = 0.0
     for k in range(start[i], stop[i]):
         j = neighbours[k]
         if group[j] == wanted:
-            r2 = separation_square(x, i, j, period, inverse_period, DIM)
-            if not UNIFORM:
-                h = 0.5 * (support[i] + support[j])
-            part = 2.0 * volume[i] * volume[j] * pair_f(r2, h, alpha, DIM, KERNEL)
-            if NORMALISE:
-                part *= 2.0 / (kernel_sum[i] + kernel_sum[j])
             distance = wall_distance(
                 x,
                 support,
@@ -90,7 +77,7 @@ def facing_area(
                 inverse_period,
                 DIM,
             )
-            total += part * (distance + wall_depth[j])
+            total += exchange[k] * (distance + wall_depth[j])
     facing[i] = total
 
 

@@ -10,7 +10,6 @@ import numpy as np
 
 from particell.compute.loop import particle_loop
 from particell.laws.diffusion import exchange_velocity, surface_factor, wall_distance
-from particell.laws.pairs import pair_f, separation_square
 from particell.materials import AVOGADRO
 
 
@@ -22,13 +21,12 @@ def jump_rates(
     volume,
     depth,
     group,
-    kernel_sum,
     start,
     stop,
     neighbours,
     period,
     inverse_period,
-    alpha,
+    exchange,
     pair_kappa,
     status,
     value,
@@ -47,9 +45,6 @@ def jump_rates(
     inflow,
     *,
     DIM,
-    KERNEL,
-    UNIFORM,
-    NORMALISE,
     SURFACE,
     FLUX,
     SWITCH,
@@ -62,18 +57,13 @@ def jump_rates(
     """
     g = group[i]
     is_amount = SWITCH and continuous[i, s] != 0
-    h = support[i]
+    inverse_volume = 1.0 / volume[i]
     rate = 0.0
     stream = 0.0
     for k in range(start[i], stop[i]):
         j = neighbours[k]
-        r2 = separation_square(x, i, j, period, inverse_period, DIM)
-        if not UNIFORM:
-            h = 0.5 * (support[i] + support[j])
         other = group[j]
-        part = 2.0 * pair_kappa[g, other] * volume[j] * pair_f(r2, h, alpha, DIM, KERNEL)
-        if NORMALISE:
-            part *= 2.0 / (kernel_sum[i] + kernel_sum[j])
+        part = pair_kappa[g, other] * exchange[k] * inverse_volume
         if SWITCH and is_amount and (continuous[j, s] != 0 or status[other] >= 2):
             part = 0.0
         if SURFACE and status[other] == 2 and part > 0.0:
@@ -103,10 +93,7 @@ def jump_rates(
                 inverse_period,
                 DIM,
             )
-            part = 2.0 * volume[j] * pair_f(r2, h, alpha, DIM, KERNEL)
-            if NORMALISE:
-                part *= 2.0 / (kernel_sum[i] + kernel_sum[j])
-            part *= (distance + wall_depth[j]) * wall_scale[other]
+            part = exchange[k] * inverse_volume * (distance + wall_depth[j]) * wall_scale[other]
             speed = exchange_velocity(transfer[other], diffusivity[g], distance)
             stream += part * (inward[other] + speed * value[other])
             part *= speed

@@ -30,12 +30,19 @@ J. Comput. Phys. 136 (1997) 214 (the wall's values).
 
 from __future__ import annotations
 
+import math
+from typing import Any
+
+import numpy as np
 from numba import njit
 
 from particell.boundaries.wall import CLOSEST, extrapolation, surface_distance
+from particell.compute.batches import batch_buffer, batch_row
+from particell.compute.device import Device
 from particell.compute.loop import FASTMATH, particle_loop
 from particell.compute.rounding import nearest_integer
-from particell.laws.pairs import pair_f, separation_square
+from particell.kernels import power, shape_f
+from particell.laws.pairs import image_offset
 
 #: Explicit Euler steps are limited to this many h²/κ.
 STEP_LIMIT = 0.05
@@ -92,8 +99,17 @@ def exchange_velocity(transfer, diffusivity, distance):
     return transfer * diffusivity / (diffusivity + transfer * distance)
 
 
-@particle_loop
-def kernel_sums(
+def slope_fields(device: Device, n: int, uniform: bool) -> dict[str, Any]:
+    """The batch that :func:`pair_slopes` needs for n particles, by argument name."""
+    return {
+        "near_square": batch_buffer(device, n),
+        "near_volume": batch_buffer(device, n),
+        "near_reach": batch_buffer(device, 0 if uniform else n),
+    }
+
+
+@particle_loop(vectorise=True)
+def pair_slopes(
     i,
     x,
     support,
@@ -101,55 +117,71 @@ def kernel_sums(
     start,
     stop,
     neighbours,
+    crosses,
     period,
     inverse_period,
     alpha,
+    near_square,
+    near_volume,
+    near_reach,
     kernel_sum,
-    *,
-    DIM,
-    KERNEL,
-    UNIFORM,
-):
-    """The sum n_i = (1/D) Σ V_j F_ij r_ij² over all neighbours, walls included."""
-    total = 0.0
-    h = support[i]
-    for k in range(start[i], stop[i]):
-        j = neighbours[k]
-        r2 = separation_square(x, i, j, period, inverse_period, DIM)
-        if not UNIFORM:
-            h = 0.5 * (support[i] + support[j])
-        total += volume[j] * pair_f(r2, h, alpha, DIM, KERNEL) * r2
-    kernel_sum[i] = total / DIM
-
-
-@particle_loop
-def exchange_weights(
-    i,
-    x,
-    support,
-    volume,
-    kernel_sum,
-    start,
-    stop,
-    neighbours,
-    period,
-    inverse_period,
-    alpha,
     exchange,
     *,
     DIM,
     KERNEL,
     UNIFORM,
-    NORMALISE,
+    BATCH,
+    SUM,
+    KEEP,
 ):
-    """2 V_i V_j F_ij s_ij along row i, for particles that stay where they are."""
+    """F_ij of all neighbours, walls included.
+
+    With ``KEEP`` in ``exchange`` along row i; with ``SUM`` their n_i = (1/D) Σ V_j F_ij r_ij² in
+    ``kernel_sum``. The batch (:mod:`particell.compute.batches`) holds r_ij², V_j and h_ij.
+    """
     h = support[i]
+    scale = alpha / (power(h, DIM) * h * h)
+    inverse = 1.0 / h
+    wraps = crosses[i] != 0
+    total = 0.0
+    row = batch_row(i) * np.uint64(BATCH)
+    begin, last = np.uint64(start[i]), np.uint64(stop[i])
+    while begin < last:
+        end = min(last, begin + np.uint64(BATCH))
+        c = row
+        for k in range(begin, end):
+            j = neighbours[k]
+            r2 = 0.0
+            for d in range(DIM):
+                r = image_offset(x, i, j, d, wraps, period, inverse_period)
+                r2 += r * r
+            near_square[c] = r2
+            if SUM:
+                near_volume[c] = volume[j]
+            if not UNIFORM:
+                near_reach[c] = 0.5 * (support[i] + support[j])
+            c += np.uint64(1)
+        for q in range(row, c):
+            r2 = near_square[q]
+            if not UNIFORM:
+                inverse = 1.0 / near_reach[q]
+                scale = alpha * power(inverse, DIM) * inverse * inverse
+            f = scale * shape_f(math.sqrt(r2) * inverse, KERNEL)
+            if SUM:
+                total += near_volume[q] * f * r2
+            if KEEP:
+                exchange[begin + (q - row)] = f
+        begin = end
+    if SUM:
+        kernel_sum[i] = total / DIM
+
+
+@particle_loop
+def exchange_weights(i, volume, kernel_sum, start, stop, neighbours, exchange, *, NORMALISE):
+    """2 V_i V_j F_ij s_ij along row i, where ``exchange`` holds F_ij."""
     for k in range(start[i], stop[i]):
         j = neighbours[k]
-        r2 = separation_square(x, i, j, period, inverse_period, DIM)
-        if not UNIFORM:
-            h = 0.5 * (support[i] + support[j])
-        weight = 2.0 * volume[i] * volume[j] * pair_f(r2, h, alpha, DIM, KERNEL)
+        weight = 2.0 * volume[i] * volume[j] * exchange[k]
         if NORMALISE:
             weight *= 2.0 / (kernel_sum[i] + kernel_sum[j])
         exchange[k] = weight
@@ -160,15 +192,12 @@ def diffuse(
     i,
     x,
     support,
-    volume,
     group,
-    kernel_sum,
     start,
     stop,
     neighbours,
     period,
     inverse_period,
-    alpha,
     exchange,
     tau,
     columns,
@@ -190,44 +219,30 @@ def diffuse(
     amount_booked,
     *,
     DIM,
-    KERNEL,
-    UNIFORM,
-    NORMALISE,
     SURFACE,
     FLUX,
     SWITCH,
-    AT_REST,
 ):
     """Exchange of all diffusing species (``columns``) during tau; see the module's docstring.
 
-    ``pair_kappa`` (G, G, S) holds the mean diffusivity of a pair of groups. What comes through
-    surfaces is booked by the fluid particle. With ``SWITCH`` particles that hold molecules of a
-    species (``continuous`` of its column ``partner``) are left to their jumps. ``AT_REST`` takes
-    the weights of pairs from ``exchange``.
+    ``exchange`` holds the :func:`exchange_weights`, ``pair_kappa`` (G, G, S) the mean diffusivity
+    of a pair of groups. What comes through surfaces is booked by the fluid particle. With
+    ``SWITCH`` particles that hold molecules of a species (``continuous`` of its column
+    ``partner``) are left to their jumps.
     """
     g = group[i]
-    h = support[i]
-    for k in range(start[i], stop[i]):
-        j = neighbours[k]
-        if AT_REST:
-            weight = tau * exchange[k]
-        else:
-            r2 = separation_square(x, i, j, period, inverse_period, DIM)
-            if not UNIFORM:
-                h = 0.5 * (support[i] + support[j])
-            both = volume[i] * volume[j]
-            weight = 2.0 * tau * both * pair_f(r2, h, alpha, DIM, KERNEL)
-            if NORMALISE:
-                weight *= 2.0 / (kernel_sum[i] + kernel_sum[j])
-        other = group[j]
-        for m in range(len(columns)):
-            s = columns[m]
-            flux = weight * pair_kappa[g, other, s]
-            if SWITCH and partner[s] >= 0:
-                if continuous[i, partner[s]] == 0:
-                    continue
-                if continuous[j, partner[s]] == 0 and status[other, s] < 2:
-                    continue
+    for m in range(len(columns)):
+        s = columns[m]
+        if SWITCH and partner[s] >= 0 and continuous[i, partner[s]] == 0:
+            continue
+        own = concentration[i, s]
+        inside, through = 0.0, 0.0
+        for k in range(start[i], stop[i]):
+            j = neighbours[k]
+            other = group[j]
+            flux = exchange[k] * pair_kappa[g, other, s]
+            if SWITCH and partner[s] >= 0 and status[other, s] < 2:
+                flux *= continuous[j, partner[s]] != 0
             if FLUX and status[other, s] == 3:
                 if receives[g, s] != 0:
                     distance = wall_distance(
@@ -243,10 +258,8 @@ def diffuse(
                         DIM,
                     )
                     speed = exchange_velocity(transfer[other, s], diffusivity[g, s], distance)
-                    flux = weight * (distance + wall_depth[j]) * wall_scale[other]
-                    flux *= inward[other, s] + speed * (value[other, s] - concentration[i, s])
-                    amount_booked[i, s] += flux
-                    amount[i, s] += flux
+                    area = exchange[k] * (distance + wall_depth[j]) * wall_scale[other]
+                    through += area * (inward[other, s] + speed * (value[other, s] - own))
                 continue
             if SURFACE and status[other, s] == 2:
                 if flux > 0.0:
@@ -262,8 +275,9 @@ def diffuse(
                         inverse_period,
                         DIM,
                     )
-                    flux *= value[other, s] - concentration[i, s]
-                    amount_booked[i, s] += flux
+                    through += flux * (value[other, s] - own)
             else:
-                flux *= concentration[j, s] - concentration[i, s]
-            amount[i, s] += flux
+                inside += flux * (concentration[j, s] - own)
+        amount[i, s] += tau * (inside + through)
+        if SURFACE or FLUX:
+            amount_booked[i, s] += tau * through

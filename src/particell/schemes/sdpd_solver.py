@@ -14,7 +14,7 @@ from particell.compute.reduce import Reduction
 from particell.errors import InputError
 from particell.geometry.domain import Domain
 from particell.kernels import kernel_code, normalisation
-from particell.laws.diffusion import kernel_sums
+from particell.laws.diffusion import pair_slopes, slope_fields
 from particell.laws.viscosity import friction_coefficients
 from particell.materials import BOLTZMANN, Fluid
 from particell.particles import Particles
@@ -148,6 +148,8 @@ class SDPDSolver:
         self.constants |= batch_fields(
             device, self.n, dim, o["UNIFORM"], o["WALLS"], o["MIXED"], o["NOISE"], o["NORMAL"]
         )
+        if o["NORMAL"]:
+            self.constants |= slope_fields(device, self.n, o["UNIFORM"])
         for name, shape in (
             ("wall_direction", (1, dim)),
             ("wall_distance", 1),
@@ -198,7 +200,9 @@ class SDPDSolver:
         moving = "wall_acceleration" in self.particles
         self.wall_pressure = bind(wall_pressure, fields, **dim, KERNEL=o["KERNEL"], MOVING=moving)
         if o["NORMAL"]:
-            self._kernel_sums = bind(kernel_sums, fields, **small)
+            fields["exchange"] = self.constants["kernel_sum"]  # which is not kept
+            sums = {"BATCH": o["BATCH"], "SUM": True, "KEEP": False}
+            self._kernel_sums = bind(pair_slopes, fields, **small, **sums)
         self.kick = bind(updates.kick, fields, **dim)
         self.drift = bind(updates.drift, fields, **dim)
         self.equation_of_state = bind(updates.equation_of_state, fields)

@@ -152,6 +152,7 @@ EXAMPLES = {
         "pressure_force": "symmetric",
         "fixed_volume": True,
         "filter_every": 20,
+        "density_diffusion": 0.1,
         "impenetrable": True,
         "normalise_viscosity": True,
         "species_flux": False,

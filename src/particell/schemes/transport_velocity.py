@@ -71,7 +71,7 @@ class TransportVelocity:
         δ of the density's diffusion (:mod:`particell.laws.continuity`), at most 0.2, among fluid
         particles. Without it nothing but viscosity and the filter damps sound, and where the flow
         has structures that the particles do not resolve (U Δp/ν well above 10, next to walls), the
-        density of single particles may run away; 0.1 is enough.
+        density of single particles may run away; 0.1 bounds it, the filter at every step does more.
     impenetrable
         Bounce particles back that have crossed a wall's surface: at the surface itself where it is
         known (:mod:`particell.boundaries.impenetrable`), else by the boundary volume fraction

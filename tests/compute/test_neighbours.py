@@ -198,6 +198,27 @@ def test_particles_that_flow_together_keep_their_list():
     assert neighbours.needs_build(x, v, 0.7)
 
 
+def test_streams_with_a_cell_between_them_may_slide_but_not_approach():
+    """Sliding counts between cells side by side, approach across a cell too."""
+    width = 1.0 + SKIN
+    x = random_points(9, 400, (10.0, 3 * width))
+    particles, neighbours, domain = system(
+        x, (10.0, 3 * width), "", 1.0, walls=np.zeros(400, bool), general=False
+    )
+    x, v = particles.host("x"), particles.host("v")
+    support = particles.host("support")
+    layer = np.minimum(x[:, 1] // width, 2) - 1
+    v[:, 0] = layer  # −1, 0 and 1
+    assert not neighbours.needs_build(x, v, 0.85 * SKIN)
+    assert neighbours.needs_build(x, v, 0.95 * SKIN)
+    x += 0.85 * SKIN * v
+    assert len(missing_pairs(x, neighbours, domain, support)) == 0
+    x -= 0.85 * SKIN * v
+    v[:, 0], v[:, 1] = 0.0, -layer
+    assert not neighbours.needs_build(x, v, 0.4 * SKIN)
+    assert neighbours.needs_build(x, v, 0.5 * SKIN)
+
+
 def test_a_position_that_is_not_a_number_asks_for_a_build():
     particles, neighbours, _ = system(
         random_points(8, 50, (4.0, 4.0)), (4.0, 4.0), "xy", 1.0, general=False

@@ -123,6 +123,8 @@ class Device:
         missing = [name for name in loop.arguments if name not in fields]
         bound = [fields.get(name) for name in loop.arguments]
         places = [k for k, name in enumerate(loop.arguments) if name not in fields]
+        if not missing:
+            return lambda n: run(n, *bound)
 
         def call(n: int, *args: Any) -> None:
             if len(args) != len(missing):

@@ -7,7 +7,8 @@ Rows have a common capacity (compressed rows with slack), so that one pass fills
 
 The list stays valid until two particles may have come nearer than the skin. That is decided from
 *relative* displacements: the boxes that the displacements of each cell span are compared with
-those of the cells around it. Neighbours that flow together do not trigger a rebuild.
+those of the cells around it. Neighbours that flow together do not trigger a rebuild, and of what
+slides past with a cell in between only the approach across that cell counts.
 """
 
 from __future__ import annotations
@@ -17,9 +18,10 @@ import math
 import numpy as np
 from numba import njit
 
+from particell.compute.batches import batch_buffer, batch_row, batch_size
 from particell.compute.device import Device
 from particell.compute.loop import compiled, particle_loop
-from particell.compute.rounding import nearest_integer
+from particell.compute.rounding import nearest_whole
 from particell.geometry.domain import Domain
 from particell.particles import Particles
 
@@ -81,10 +83,10 @@ def counting_sort(cell, cell_start, order):
     cell_start[0] = 0
 
 
-@particle_loop
+@particle_loop(vectorise=True)
 def find_neighbours(
     i,
-    x,
+    position,
     support,
     is_wall,
     cell,
@@ -101,12 +103,18 @@ def find_neighbours(
     neighbours,
     found,
     crosses,
+    beyond,
     *,
     DIM,
     UNIFORM,
     WALLS,
+    BATCH,
 ):
-    """Fill row i of the list; ``found[i]`` may exceed the capacity, then the row is not whole."""
+    """Fill row i of the list; ``found[i]`` may exceed the capacity, then the row is not whole.
+
+    ``position`` is x as one row of numbers, whose stride the compiler knows. The batch ``beyond``
+    holds by how much the squared distances of candidates exceed the squared reach.
+    """
     c = cell[i]
     iz = c % cells[DIM - 1]
     c //= cells[DIM - 1]
@@ -134,66 +142,77 @@ def find_neighbours(
     begin = i * capacity
     k = begin
     limit = begin + capacity - 1
-    walls = 0
-    xi = x[i, 0]
-    yi = x[i, 1] if DIM > 1 else 0.0
-    zi = x[i, 2] if DIM > 2 else 0.0
+    dims, batch = np.uint64(DIM), np.uint64(BATCH)
+    own = np.uint64(i) * dims
+    xi = position[own]
+    yi = position[own + np.uint64(1)] if DIM > 1 else 0.0
+    zi = position[own + np.uint64(2)] if DIM > 2 else 0.0
     reach = support[i] + skin
-    start[i] = begin
-    for segment in range(2 if WALLS else 1):
-        if segment == 1 and walls == 0:
-            continue
-        for ox in range(number_x):
-            cx = wrap_cell(first_x + ox, cells[0]) if DIM == 3 else 0
-            for oy in range(number_y):
-                cy = wrap_cell(first_y + oy, cells[DIM - 2]) if DIM >= 2 else 0
-                row = 0
-                if DIM == 2:
-                    row = cy * last
-                if DIM == 3:
-                    row = (cx * cells[1] + cy) * last
-                # the cells along the last axis are one run of particles, two if it wraps around
-                for run in range(2):
-                    low = max(first_z, 0)
-                    high = min(first_z + number_z, last)
-                    if run == 1:
-                        low = 0
-                        high = 0
-                        if first_z < 0:
-                            low = first_z + last
-                            high = last
-                        if first_z + number_z > last:
-                            high = first_z + number_z - last
-                    for j in range(cell_start[row + low], cell_start[row + high]):
-                        dx = xi - x[j, 0]
+    put = batch_row(i) * batch
+    for ox in range(number_x):
+        cx = wrap_cell(first_x + ox, cells[0]) if DIM == 3 else 0
+        for oy in range(number_y):
+            cy = wrap_cell(first_y + oy, cells[DIM - 2]) if DIM >= 2 else 0
+            row = 0
+            if DIM == 2:
+                row = cy * last
+            if DIM == 3:
+                row = (cx * cells[1] + cy) * last
+            # the cells along the last axis are one run of particles, two if it wraps around
+            for run in range(2):
+                low = max(first_z, 0)
+                high = min(first_z + number_z, last)
+                if run == 1:
+                    low = 0
+                    high = 0
+                    if first_z < 0:
+                        low = first_z + last
+                        high = last
+                    if first_z + number_z > last:
+                        high = first_z + number_z - last
+                j = np.uint64(cell_start[row + low])
+                after = np.uint64(cell_start[row + high])
+                while j < after:
+                    number = min(after - j, batch)
+                    for q in range(number):
+                        other = j + np.uint64(q)
+                        at = other * dims
+                        dx = xi - position[at]
                         if wraps:
-                            dx -= period[0] * nearest_integer(dx * inverse_period[0])
+                            dx -= period[0] * nearest_whole(dx * inverse_period[0])
                         r2 = dx * dx
                         if DIM > 1:
-                            dy = yi - x[j, 1]
+                            dy = yi - position[at + np.uint64(1)]
                             if wraps:
-                                dy -= period[1] * nearest_integer(dy * inverse_period[1])
+                                dy -= period[1] * nearest_whole(dy * inverse_period[1])
                             r2 += dy * dy
                         if DIM > 2:
-                            dz = zi - x[j, 2]
+                            dz = zi - position[at + np.uint64(2)]
                             if wraps:
-                                dz -= period[2] * nearest_integer(dz * inverse_period[2])
+                                dz -= period[2] * nearest_whole(dz * inverse_period[2])
                             r2 += dz * dz
                         if not UNIFORM:
-                            reach = 0.5 * (support[i] + support[j]) + skin
-                        near = (r2 < reach * reach) & (j != i)
-                        if WALLS:
-                            wall = is_wall[j] != 0
-                            walls += near & wall & (segment == 0)
-                            near = near & (wall == (segment == 1))
-                        neighbours[min(k, limit)] = j
-                        k += near
-        if segment == 0:
-            split[i] = min(k, limit)
-    stop[i] = min(k, limit)
-    if not WALLS or walls == 0:
-        split[i] = stop[i]
+                            reach = 0.5 * (support[i] + support[other]) + skin
+                        beyond[put + np.uint64(q)] = r2 - reach * reach
+                    for q in range(number):
+                        other = j + np.uint64(q)
+                        neighbours[min(k, limit)] = other
+                        k += (beyond[put + np.uint64(q)] < 0.0) & (other != i)
+                    j += number
     found[i] = k - begin
+    end = min(k, limit)
+    start[i], stop[i] = begin, end
+    if WALLS:  # to the end of the row
+        k = begin
+        while k < end:
+            j = neighbours[k]
+            if is_wall[j]:
+                end -= 1
+                neighbours[k] = neighbours[end]
+                neighbours[end] = j
+            else:
+                k += 1
+    split[i] = end
 
 
 @particle_loop
@@ -214,9 +233,24 @@ def displacement_boxes(c, x, v, dt, x_built, cell_start, low, high, largest, *, 
     largest[c] = biggest
 
 
+@njit
+def cell_gap(c, other, cells, periodic, width):
+    """Width of the cells that lie between two cells along one axis: how far apart they are."""
+    between = abs(other - c)
+    if periodic:
+        between = min(between, cells - between)
+    return max(between - 1, 0) * width
+
+
 @particle_loop
-def relative_displacements(c, low, high, cells, periodic, relative, *, DIM):
-    """Largest squared relative displacement between cell c and the cells within two of it."""
+def closed_gaps(c, low, high, cells, periodic, cell_width, least_apart, most_moved, closed, *, DIM):
+    """Whether a pair of cell c and a cell within two of it may have come too near, since the build.
+
+    Particles of cells next to each other: by moving ``most_moved`` (squared) relative to each
+    other. Others, which have a cell between them: when what is left of that on each axis is less
+    than ``least_apart`` (squared). So a shear wears out the list by what cells slide past those
+    next to them only.
+    """
     iz = c % cells[DIM - 1]
     rest = c // cells[DIM - 1]
     iy = rest % cells[DIM - 2] if DIM >= 2 else 0
@@ -229,24 +263,46 @@ def relative_displacements(c, low, high, cells, periodic, relative, *, DIM):
         first_y, number_y = axis_cells(iy, cells[DIM - 2], periodic[DIM - 2], 2)
     last = cells[DIM - 1]
     first_z, number_z = axis_cells(iz, last, periodic[DIM - 1], 2)
-    worst = 0.0
+    gap_x, gap_y, left_x, left_y = 0.0, 0.0, 0.0, 0.0
+    near = False
     for ox in range(number_x):
-        cx = wrap_cell(first_x + ox, cells[0]) if DIM == 3 else 0
+        cx = 0
+        if DIM == 3:
+            gap_x = cell_gap(ix, first_x + ox, cells[0], periodic[0], cell_width[0])
+            cx = wrap_cell(first_x + ox, cells[0])
         for oy in range(number_y):
-            cy = wrap_cell(first_y + oy, cells[DIM - 2]) if DIM >= 2 else 0
+            cy = 0
+            if DIM >= 2:
+                gap_y = cell_gap(
+                    iy, first_y + oy, cells[DIM - 2], periodic[DIM - 2], cell_width[DIM - 2]
+                )
+                cy = wrap_cell(first_y + oy, cells[DIM - 2])
             for oz in range(number_z):
+                gap_z = cell_gap(iz, first_z + oz, last, periodic[DIM - 1], cell_width[DIM - 1])
                 other = wrap_cell(first_z + oz, last)
                 if DIM == 2:
                     other += cy * last
                 if DIM == 3:
                     other += (cx * cells[1] + cy) * last
-                square = 0.0
+                if other < c:  # which compares itself with this one
+                    continue
+                moved = 0.0
                 for d in range(DIM):
                     s = max(high[c, d] - low[other, d], high[other, d] - low[c, d])
                     s = max(s, 0.0)
-                    square += s * s
-                worst = max(worst, square)
-    relative[c] = worst
+                    moved += s * s
+                    if d == DIM - 1:
+                        left_z = max(gap_z - s, 0.0)
+                    elif d == DIM - 2:
+                        left_y = max(gap_y - s, 0.0)
+                    else:
+                        left_x = max(gap_x - s, 0.0)
+                if gap_x + gap_y + gap_z > 0.0:
+                    apart = left_x * left_x + left_y * left_y + left_z * left_z
+                    near |= apart < least_apart
+                else:
+                    near |= moved > most_moved
+    closed[c] = near
 
 
 @particle_loop
@@ -308,7 +364,7 @@ class NeighbourList:
         while np.prod(cells.astype(float)) > 4 * n + 64:  # sparse domain: larger cells
             cells = np.maximum(1, cells // 2)
         self.n, self.number_of_cells = n, int(np.prod(cells))
-        self.cell_width = float((lengths / cells)[cells > 1].min(initial=np.inf))
+        self.narrowest = float((lengths / cells)[cells > 1].min(initial=np.inf))
         reals, array = device.zeros, device.array
         self.fields = {
             "lower": array(lower),
@@ -324,11 +380,15 @@ class NeighbourList:
             "stop": device.zeros(n, np.int64),
             "found": device.zeros(n, np.int64),
             "crosses": device.zeros(n, np.uint8),
+            "cell_width": array(lengths / cells),
             "x_built": reals((n, dim)),
             "low": reals((self.number_of_cells, dim), np.float64),
             "high": reals((self.number_of_cells, dim), np.float64),
             "largest": reals(self.number_of_cells, np.float64),
-            "relative": reals(self.number_of_cells, np.float64),
+            "closed": device.zeros(self.number_of_cells, np.uint8),
+            "most_moved": (SAFETY * skin) ** 2,
+            "beyond": batch_buffer(device, n),
+            "least_apart": (support + (1.0 - SAFETY) * skin) ** 2,
         }
         self.order = np.zeros(n, np.int64)
         self.capacity = 0
@@ -337,7 +397,7 @@ class NeighbourList:
         self._wrap = bind(wrap_positions, f, **only)
         self._assign = bind(assign_cells, f, **only)
         self._boxes = bind(displacement_boxes, f, **only)
-        self._relate = bind(relative_displacements, f, **only)
+        self._compare = bind(closed_gaps, f, **only)
 
     def __getattr__(self, name: str):
         try:
@@ -368,13 +428,12 @@ class NeighbourList:
         largest = math.sqrt(float(self.device.to_host(self.fields["largest"]).max()))
         if not largest < math.inf:
             return True
-        allowed = SAFETY * self.skin
-        if 2 * largest <= allowed:
+        if 2 * largest <= SAFETY * self.skin:
             return False
-        if largest > self.cell_width - 0.5 * self.support:
+        if largest > self.narrowest - 0.5 * self.support:  # of cells that are not compared
             return True
-        self._relate(self.number_of_cells)
-        return float(self.device.to_host(self.fields["relative"]).max()) > allowed**2
+        self._compare(self.number_of_cells)
+        return bool(self.device.to_host(self.fields["closed"]).any())
 
     def restore(self, capacity: int, builds: int, fields: dict[str, np.ndarray]) -> None:
         """Take over the state of another list of the same particles, bit for bit."""
@@ -387,10 +446,16 @@ class NeighbourList:
         self.capacity = capacity
         self.fields["neighbours"] = self.device.zeros(self.n * capacity + 1, np.uint32)
         numbers = {"skin": self.skin, "capacity": capacity}
-        self._find = self.device.bind(find_neighbours, {**self.fields, **numbers}, **self.constants)
+        self._find = self.device.bind(
+            find_neighbours,
+            {**self.fields, **numbers},
+            **self.constants,
+            BATCH=batch_size(self.device),
+        )
 
     def _fill(self, particles: Particles) -> bool:
-        self._find(self.n, particles["x"], particles["support"], particles["is_wall"])
+        position = particles["x"].reshape(self.n * self.domain.dim)
+        self._find(self.n, position, particles["support"], particles["is_wall"])
         needed = int(self.device.to_host(self.found).max(initial=0)) + 1
         if needed <= self.capacity:
             return True

@@ -19,6 +19,7 @@ import numpy as np
 
 from particell.compute.cache import NUMBA_CONFIG
 
+NONE = np.uint64(0)
 #: A thread is woken for this much work at least: handing it over takes a tenth of a millisecond.
 SECONDS_PER_THREAD = 5e-4
 #: Each thread's work comes in pieces, so that one that is held up is not waited for.
@@ -90,10 +91,14 @@ class Shared:
 
     def __call__(self, n: int, *arguments: Any) -> None:
         """Do the work of n particles; threads in use do not change what comes out."""
-        threads = max(1, min(get_threads(), int(self.cost * n / SECONDS_PER_THREAD), n))
+        in_use = _in_use.number
+        if in_use == 1:
+            self.piece(NONE, np.uint64(n), NONE, *arguments)
+            return
+        threads = max(1, min(in_use, int(self.cost * n / SECONDS_PER_THREAD), n))
         begin = perf_counter()
         if threads == 1:
-            self.piece(np.uint64(0), np.uint64(n), np.uint64(0), *arguments)
+            self.piece(NONE, np.uint64(n), NONE, *arguments)
         else:
             self._on_threads(threads, n, arguments)
         if n > 0:

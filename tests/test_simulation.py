@@ -66,12 +66,10 @@ def test_restart_refuses_other_simulations():
             other.restore(state)
 
 
-def test_same_bits_for_any_number_of_threads(monkeypatch):
+@pytest.mark.usefixtures("always_shared")
+def test_same_bits_for_any_number_of_threads():
     """Fifty noisy steps between walls on one and on two threads."""
-    monkeypatch.setattr("particell.compute.threads.SECONDS_PER_THREAD", 1e-9)
     everything = set_threads(None)
-    if everything < 2:
-        pytest.skip("this machine has one thread")
     runs = []
     try:
         for threads in (1, 2):

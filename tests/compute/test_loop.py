@@ -1,5 +1,8 @@
 from __future__ import annotations
 
+import threading
+import time
+
 import numba
 import numpy as np
 import pytest
@@ -95,6 +98,7 @@ def test_number_of_threads():
 
 def test_threads_share_a_loop(monkeypatch):
     """Every particle once, whoever does it; a small loop stays on one thread; errors come back."""
+    monkeypatch.setattr(threads, "SECONDS_PER_THREAD", 1.0)
     done: list[tuple[int, int, int]] = []
 
     def piece(first, last, thread, fails):
@@ -110,12 +114,53 @@ def test_threads_share_a_loop(monkeypatch):
     monkeypatch.setattr(threads, "SECONDS_PER_THREAD", 1e-12)
     done.clear()
     shared(1000, False)
-    assert len(done) > 1
+    assert len(done) == get_threads()
     covered = [i for first, last, _ in sorted(done) for i in range(first, last)]
     assert covered == list(range(1000))
+    shared.alone = 1.0  # many pieces for each, where they take long
     done.clear()
+    shared(1000, False)
+    assert len(done) == get_threads() * threads.PIECES_PER_THREAD
     with pytest.raises(ArithmeticError):
         shared(1000, True)
+    done.clear()
+    shared(1000, False)
+    assert sum(last - first for first, last, _ in done) == 1000
+
+
+@pytest.mark.usefixtures("always_shared")
+def test_errors_of_other_threads_come_back():
+    main = threading.get_ident()
+
+    def piece(first, last, thread):
+        time.sleep(0.01)
+        if threading.get_ident() != main:
+            raise ArithmeticError
+
+    with pytest.raises(ArithmeticError):
+        Shared(piece)(1000)
+
+
+def test_loops_run_on_what_is_faster(monkeypatch):
+    """A loop that several threads only slow down goes back to one, but for a trial now and then."""
+    monkeypatch.setattr(threads, "SECONDS_PER_THREAD", 1e-12)
+    if get_threads() < 2:
+        pytest.skip("this machine has one thread")
+    used: list[int] = []
+
+    def piece(first, last, thread, slow):
+        time.sleep(2e-3 if (last - first < 100) == slow else 1e-4)
+        if thread == 0:
+            used.append(int(last - first == 100))
+
+    for slow, wanted in ((True, 1), (False, 0)):
+        shared = Shared(piece)
+        shared(100, slow)
+        used.clear()
+        for _ in range(2 * threads.TRY_OTHER):
+            shared(100, slow)
+        assert used.count(wanted) >= 0.9 * len(used)
+        assert len(set(used)) == 2
 
 
 def test_compile_log_counts_the_first_call():

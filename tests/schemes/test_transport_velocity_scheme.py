@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from particell.chemistry.species import Species
-from particell.compute.threads import available_threads, kept_threads, set_threads
+from particell.compute.threads import kept_threads, set_threads
 from particell.errors import InputError
 from particell.geometry.domain import Domain
 from particell.geometry.fill import lattice
@@ -170,11 +170,9 @@ def test_a_restart_gives_the_same_bits():
     assert same_bits(one, three) == []
 
 
-def test_one_and_two_threads_give_the_same_bits(monkeypatch):
+@pytest.mark.usefixtures("always_shared")
+def test_one_and_two_threads_give_the_same_bits():
     """Thirty steps of vortices among scattered particles, shared out from the first one on."""
-    monkeypatch.setattr("particell.compute.threads.SECONDS_PER_THREAD", 1e-9)
-    if available_threads() < 2:
-        pytest.skip("this machine has one thread")
     runs = []
     with kept_threads():
         for threads in (1, 2):

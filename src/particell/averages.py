@@ -24,9 +24,16 @@ import numpy as np
 from particell import snapshot
 from particell.analysis.fields import value_of_linear_fit
 from particell.checks import checked, not_negative, positive
+from particell.compute.cells import (
+    cell_at,
+    cells_around,
+    cells_of,
+    counting_sort,
+    place_of,
+    wrap_cell,
+)
 from particell.compute.device import Device
 from particell.compute.loop import particle_loop
-from particell.compute.neighbours import axis_cells, counting_sort, wrap_cell
 from particell.compute.rounding import nearest_integer
 from particell.errors import InputError, unknown_name
 from particell.kernels import kernel_code, shape_w
@@ -147,29 +154,17 @@ def add_sums(
     COLUMNS,
 ):
     """Add to the sums of point p: M (rows of its lower triangle), then R, in units of ``scale``."""
-    c = point_cell[p]
-    iz = c % cells[DIM - 1]
-    rest = c // cells[DIM - 1]
-    iy = rest % cells[DIM - 2] if DIM >= 2 else 0
-    ix = rest // cells[1] if DIM == 3 else 0
-    first_x, number_x = 0, 1
-    first_y, number_y = 0, 1
-    if DIM == 3:
-        first_x, number_x = axis_cells(ix, cells[0], periodic[0], 1)
-    if DIM >= 2:
-        first_y, number_y = axis_cells(iy, cells[DIM - 2], periodic[DIM - 2], 1)
+    ix, iy, iz = place_of(point_cell[p], cells, DIM)
+    first_x, number_x, first_y, number_y, first_z, number_z = cells_around(
+        ix, iy, iz, cells, periodic, 1, DIM
+    )
     last = cells[DIM - 1]
-    first_z, number_z = axis_cells(iz, last, periodic[DIM - 1], 1)
     for ox in range(number_x):
         cx = wrap_cell(first_x + ox, cells[0]) if DIM == 3 else 0
         for oy in range(number_y):
             cy = wrap_cell(first_y + oy, cells[DIM - 2]) if DIM >= 2 else 0
             for oz in range(number_z):
-                other = wrap_cell(first_z + oz, last)
-                if DIM == 2:
-                    other += cy * last
-                if DIM == 3:
-                    other += (cx * cells[1] + cy) * last
+                other = cell_at(cx, cy, wrap_cell(first_z + oz, last), cells, DIM)
                 for k in range(cell_start[other], cell_start[other + 1]):
                     j = order[k]
                     dx = x[j, 0] - points[p, 0]
@@ -217,9 +212,7 @@ class RunningAverage:
     def _bind(self, n: int, points: np.ndarray, reach: float) -> None:
         domain, device = self.simulation.domain, Device()
         dim = domain.dim
-        cells = np.maximum(1, np.floor(domain.lengths / reach)).astype(np.int64)
-        while np.prod(cells.astype(float)) > 4 * n + 64:  # few particles: larger cells
-            cells = np.maximum(1, cells // 2)
+        cells = cells_of(domain.lengths, reach, n)
         self._cell_start = np.zeros(int(np.prod(cells)) + 1, np.int64)
         self._order = np.zeros(n, np.int64)
         self._now: dict[str, Any] = {

@@ -6,8 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
+from particell.compute.cells import counting_sort
 from particell.compute.device import Device
-from particell.compute.neighbours import NeighbourList, counting_sort
+from particell.compute.neighbours import NeighbourList
 from particell.geometry.domain import Domain
 from particell.particles import Group, Particles
 

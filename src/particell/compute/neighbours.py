@@ -1,4 +1,4 @@
-"""Cell grid and neighbour list.
+"""Neighbour list.
 
 Particles are sorted into cells by a counting sort and kept in that order, so that neighbours are
 near in memory. Row *i* of the list holds ``list[start[i]:split[i]]``, the mobile neighbours, and
@@ -16,71 +16,27 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from particell.compute.batches import batch_buffer, batch_row, batch_size
+from particell.compute.cells import (
+    assign_cells,
+    cell_at,
+    cell_gap,
+    cells_around,
+    cells_of,
+    counting_sort,
+    place_of,
+    wrap_cell,
+    wraps_around,
+)
 from particell.compute.device import Device
-from particell.compute.loop import compiled, particle_loop
+from particell.compute.loop import particle_loop
 from particell.compute.rounding import nearest_whole
 from particell.geometry.domain import Domain
 from particell.particles import Particles
 
 #: Part of the skin that displacements may use up; the rest covers the integrator's corrections.
 SAFETY = 0.9
-
-
-@njit
-def axis_cells(c, cells, periodic, reach):
-    """First cell and number of cells within ``reach`` of cell ``c`` along one axis."""
-    if periodic:
-        if cells <= 2 * reach + 1:
-            return 0, cells
-        return c - reach, 2 * reach + 1
-    first = max(c - reach, 0)
-    return first, min(c + reach, cells - 1) - first + 1
-
-
-@njit
-def wrap_cell(c, cells):
-    """A cell index brought back between 0 and cells - 1."""
-    if c < 0:
-        return c + cells
-    if c >= cells:
-        return c - cells
-    return c
-
-
-@njit
-def wraps_around(first, number, cells, periodic):
-    """Whether a range of cells along one axis reaches across a periodic face."""
-    return periodic and (first < 0 or first + number > cells or number == cells)
-
-
-@particle_loop
-def assign_cells(i, x, lower, inverse_cell, cells, cell, *, DIM):
-    """The cell of particle i, row-major with the last axis fastest; outliers go to the edge."""
-    index = 0
-    for d in range(DIM):
-        c = math.floor((x[i, d] - lower[d]) * inverse_cell[d])
-        c = min(max(c, 0), cells[d] - 1)
-        index = index * cells[d] + c
-    cell[i] = index
-
-
-@compiled
-def counting_sort(cell, cell_start, order):
-    """Stable order of particles by cell, and the first particle of each cell."""
-    cell_start[:] = 0
-    for i in range(len(cell)):
-        cell_start[cell[i] + 1] += 1
-    for c in range(1, len(cell_start)):
-        cell_start[c] += cell_start[c - 1]
-    for i in range(len(cell)):
-        order[cell_start[cell[i]]] = i
-        cell_start[cell[i]] += 1
-    for c in range(len(cell_start) - 1, 0, -1):
-        cell_start[c] = cell_start[c - 1]
-    cell_start[0] = 0
 
 
 @particle_loop(vectorise=True)
@@ -115,24 +71,11 @@ def find_neighbours(
     ``position`` is x as one row of numbers, whose stride the compiler knows. The batch ``beyond``
     holds by how much the squared distances of candidates exceed the squared reach.
     """
-    c = cell[i]
-    iz = c % cells[DIM - 1]
-    c //= cells[DIM - 1]
-    iy = 0
-    ix = 0
-    if DIM == 3:
-        iy = c % cells[1]
-        ix = c // cells[1]
-    if DIM == 2:
-        iy = c
-    first_x, number_x = 0, 1
-    first_y, number_y = 0, 1
-    if DIM == 3:
-        first_x, number_x = axis_cells(ix, cells[0], periodic[0], 1)
-    if DIM >= 2:
-        first_y, number_y = axis_cells(iy, cells[DIM - 2], periodic[DIM - 2], 1)
+    ix, iy, iz = place_of(np.int64(cell[i]), cells, DIM)
+    first_x, number_x, first_y, number_y, first_z, number_z = cells_around(
+        ix, iy, iz, cells, periodic, 1, DIM
+    )
     last = cells[DIM - 1]
-    first_z, number_z = axis_cells(iz, last, periodic[DIM - 1], 1)
     wraps = (
         wraps_around(first_z, number_z, last, periodic[DIM - 1])
         or (DIM >= 2 and wraps_around(first_y, number_y, cells[DIM - 2], periodic[DIM - 2]))
@@ -153,11 +96,7 @@ def find_neighbours(
         cx = wrap_cell(first_x + ox, cells[0]) if DIM == 3 else 0
         for oy in range(number_y):
             cy = wrap_cell(first_y + oy, cells[DIM - 2]) if DIM >= 2 else 0
-            row = 0
-            if DIM == 2:
-                row = cy * last
-            if DIM == 3:
-                row = (cx * cells[1] + cy) * last
+            row = cell_at(cx, cy, 0, cells, DIM)
             # the cells along the last axis are one run of particles, two if it wraps around
             for run in range(2):
                 low = max(first_z, 0)
@@ -233,15 +172,6 @@ def displacement_boxes(c, x, v, dt, x_built, cell_start, low, high, largest, *, 
     largest[c] = biggest
 
 
-@njit
-def cell_gap(c, other, cells, periodic, width):
-    """Width of the cells that lie between two cells along one axis: how far apart they are."""
-    between = abs(other - c)
-    if periodic:
-        between = min(between, cells - between)
-    return max(between - 1, 0) * width
-
-
 @particle_loop
 def closed_gaps(c, low, high, cells, periodic, cell_width, least_apart, most_moved, closed, *, DIM):
     """Whether a pair of cell c and a cell within two of it may have come too near, since the build.
@@ -251,18 +181,11 @@ def closed_gaps(c, low, high, cells, periodic, cell_width, least_apart, most_mov
     than ``least_apart`` (squared). So a shear wears out the list by what cells slide past those
     next to them only.
     """
-    iz = c % cells[DIM - 1]
-    rest = c // cells[DIM - 1]
-    iy = rest % cells[DIM - 2] if DIM >= 2 else 0
-    ix = rest // cells[1] if DIM == 3 else 0
-    first_x, number_x = 0, 1
-    first_y, number_y = 0, 1
-    if DIM == 3:
-        first_x, number_x = axis_cells(ix, cells[0], periodic[0], 2)
-    if DIM >= 2:
-        first_y, number_y = axis_cells(iy, cells[DIM - 2], periodic[DIM - 2], 2)
+    ix, iy, iz = place_of(c, cells, DIM)
+    first_x, number_x, first_y, number_y, first_z, number_z = cells_around(
+        ix, iy, iz, cells, periodic, 2, DIM
+    )
     last = cells[DIM - 1]
-    first_z, number_z = axis_cells(iz, last, periodic[DIM - 1], 2)
     gap_x, gap_y, left_x, left_y = 0.0, 0.0, 0.0, 0.0
     near = False
     for ox in range(number_x):
@@ -279,11 +202,7 @@ def closed_gaps(c, low, high, cells, periodic, cell_width, least_apart, most_mov
                 cy = wrap_cell(first_y + oy, cells[DIM - 2])
             for oz in range(number_z):
                 gap_z = cell_gap(iz, first_z + oz, last, periodic[DIM - 1], cell_width[DIM - 1])
-                other = wrap_cell(first_z + oz, last)
-                if DIM == 2:
-                    other += cy * last
-                if DIM == 3:
-                    other += (cx * cells[1] + cy) * last
+                other = cell_at(cx, cy, wrap_cell(first_z + oz, last), cells, DIM)
                 if other < c:  # which compares itself with this one
                     continue
                 moved = 0.0
@@ -360,9 +279,7 @@ class NeighbourList:
         self.constants = {"DIM": dim, "UNIFORM": bool(uniform), "WALLS": bool(walls)}
         width = support + skin
         lengths = upper - lower
-        cells = np.maximum(1, np.floor(lengths / width)).astype(np.int64)
-        while np.prod(cells.astype(float)) > 4 * n + 64:  # sparse domain: larger cells
-            cells = np.maximum(1, cells // 2)
+        cells = cells_of(lengths, width, n)
         self.n, self.number_of_cells = n, int(np.prod(cells))
         self.narrowest = float((lengths / cells)[cells > 1].min(initial=np.inf))
         reals, array = device.zeros, device.array

@@ -36,6 +36,7 @@ def walls_of(kind):
     region, dim = {
         "slab": (pc.Box((-infinite, 2.0), (infinite, 6.0)), 2),
         "circle": (circle, 2),
+        "array": (pc.Circle(centre, 10.75), 2),  # 2.5 spacings from its periodic images
         "cavity": (~pc.Circle(centre, 9.0), 2),
         "block": (block, 2),
         "wedge": (
@@ -141,7 +142,9 @@ few = settings(examples, max_examples=4)
 
 
 @pytest.mark.parametrize("scheme", [TransportVelocity, SDPD])
-@pytest.mark.parametrize("kind", ["slab", "circle", "cavity", "block", "wedge", "room", "gear"])
+@pytest.mark.parametrize(
+    "kind", ["slab", "circle", "array", "cavity", "block", "wedge", "room", "gear"]
+)
 def test_nothing_is_ever_inside_walls_at_rest(kind, scheme):
     at_rest(kind, scheme, examples)
 
@@ -165,7 +168,7 @@ def at_rest(kind, scheme, chosen):
     assert sum(bounces) > (50 if chosen is examples else 10)
 
 
-@pytest.mark.parametrize("kind", ["slab", "circle", "block", "room", "gear"])
+@pytest.mark.parametrize("kind", ["slab", "circle", "array", "block", "room", "gear"])
 def test_nothing_is_ever_inside_walls_that_move(kind):
     """Translating walls; what is fired at them gains speed and the step stays as it was."""
     moving(kind, 2, examples)

@@ -15,7 +15,7 @@ few trials it is put back to where it was, as seen from the wall, when the step 
 .. math:: v_i \leftarrow v_w - u + \Delta t\,a_w .
 
 Distances are those of the wall's :class:`~particell.geometry.shapes.Shape` in the frame of its
-body, corners included (:mod:`particell.geometry.program`): what has been outside stays outside, at
+body (of the periodic image to which its nearest particle belongs), corners included (:mod:`particell.geometry.program`): what has been outside stays outside, at
 any speed at which a particle does not leave its wall neighbours behind in one step.
 :math:`v_w` and :math:`a_w` are those of :mod:`particell.boundaries.volume_fraction`, which is also
 what acts at walls without a known surface.
@@ -24,6 +24,8 @@ what acts at walls without a known surface.
 from __future__ import annotations
 
 import math
+
+import numpy as np
 
 from particell.boundaries.volume_fraction import surface_motion
 from particell.compute.loop import particle_loop
@@ -91,13 +93,23 @@ def turn_back(
     clear, step = CLEAR * support[i], STEP * support[i]
     for trial in range(TRIALS):
         outside = True
-        last = -1
-        for k in range(split[i], stop[i]):
-            j = neighbours[k]
-            g = group[j]
-            if g == last or solid[g] == 0:
+        for g in range(len(solid)):
+            if solid[g] == 0:
                 continue
-            last = g
+            # the nearest one tells which periodic image of the body it is
+            least, j = np.inf, neighbours[split[i]]
+            for k in range(split[i], stop[i]):
+                other = neighbours[k]
+                if group[other] != g:
+                    continue
+                r2 = 0.0
+                for d in range(DIM):
+                    s = image_offset(x, i, other, d, wraps, period, inverse_period)
+                    r2 += s * s
+                if r2 < least:
+                    least, j = r2, other
+            if least == np.inf:
+                continue
             sx = image_offset(x, i, j, 0, wraps, period, inverse_period)
             if DIM > 1:
                 sy = image_offset(x, i, j, 1, wraps, period, inverse_period)

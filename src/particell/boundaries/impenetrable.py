@@ -15,8 +15,9 @@ few trials it is put back to where it was, as seen from the wall, when the step 
 .. math:: v_i \leftarrow v_w - u + \Delta t\,a_w .
 
 Distances are those of the wall's :class:`~particell.geometry.shapes.Shape` in the frame of its
-body (of the periodic image to which its nearest particle belongs), corners included (:mod:`particell.geometry.program`): what has been outside stays outside, at
-any speed at which a particle does not leave its wall neighbours behind in one step.
+body (of the periodic image to which its nearest particle belongs), corners included
+(:mod:`particell.geometry.program`): what has been outside stays outside, at any speed at which a
+particle does not leave its wall neighbours behind in one step.
 :math:`v_w` and :math:`a_w` are those of :mod:`particell.boundaries.volume_fraction`, which is also
 what acts at walls without a known surface.
 """

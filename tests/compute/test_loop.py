@@ -141,26 +141,27 @@ def test_errors_of_other_threads_come_back():
         Shared(piece)(1000)
 
 
-def test_loops_run_on_what_is_faster(monkeypatch):
-    """A loop that several threads only slow down goes back to one, but for a trial now and then."""
-    monkeypatch.setattr(threads, "SECONDS_PER_THREAD", 1e-12)
+@pytest.mark.parametrize("faster", ["alone", "together"])
+def test_loops_run_on_what_is_faster(monkeypatch, faster):
+    """And the other way is tried now and then; by a clock that only the loop's work moves."""
     if get_threads() < 2:
         pytest.skip("this machine has one thread")
-    used: list[int] = []
+    now, used = 0.0, []
 
-    def piece(first, last, thread, slow):
-        time.sleep(2e-3 if (last - first < 100) == slow else 1e-4)
-        if thread == 0:
-            used.append(int(last - first == 100))
+    def work(way):
+        nonlocal now
+        now += 1e-3 if way == faster else 2e-3
+        used.append(way)
 
-    for slow, wanted in ((True, 1), (False, 0)):
-        shared = Shared(piece)
-        shared(100, slow)
-        used.clear()
-        for _ in range(2 * threads.TRY_OTHER):
-            shared(100, slow)
-        assert used.count(wanted) >= 0.9 * len(used)
-        assert len(set(used)) == 2
+    monkeypatch.setattr(threads, "perf_counter", lambda: now)
+    monkeypatch.setattr(Shared, "_on_threads", lambda *_: work("together"))
+    shared = Shared(lambda *_: work("alone"))
+    for _ in range(40):  # until it has measured both
+        shared(100)
+    used.clear()
+    for _ in range(2 * threads.TRY_OTHER):
+        shared(100)
+    assert len(used) - used.count(faster) == 2
 
 
 def test_compile_log_counts_the_first_call():

@@ -90,6 +90,7 @@ class _Worker:
                 self._work(self._thread)
             except BaseException as error:
                 self._error = error
+            del self._work  # and with it what it holds on to
             self._done.release()
 
     def give(self, work: Callable[[int], None], thread: int) -> None:
@@ -104,7 +105,7 @@ class _Worker:
             raise self._error
 
 
-#: Workers without work. Those of a call that is interrupted do not come back.
+#: Workers without work. One that failed, or was not waited for, does not come back.
 _idle: list[_Worker] = []
 if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_idle.clear)
@@ -182,4 +183,4 @@ class Shared:
         finally:
             for worker in team:
                 worker.wait()
-        _idle.extend(team)
+            _idle.extend(team)

@@ -10,11 +10,13 @@ from pathlib import Path
 import numpy as np
 
 from particell.geometry.domain import Domain
+from particell.geometry.fill import lattice
 from particell.kernels import LUCY, normalisation, shape_f
 from particell.laws.viscosity import friction_coefficients
 from particell.materials import BOLTZMANN, Fluid
 from particell.phases import Phase, channel_walls, fluid
 from particell.schemes.sdpd import SDPD
+from particell.schemes.transport_velocity import TransportVelocity
 from particell.simulation import Simulation
 
 DATA = Path(__file__).parent / "data"
@@ -81,6 +83,42 @@ def periodic_lattice(
     return Simulation(
         domain, phase, SDPD(**scheme), seed=seed, dt=dt, boundaries=boundaries, device=device
     )
+
+
+def vortices(side: float):
+    """Taylor and Green's, of speed 1, of period ``side``: velocities (n, D) at x (n, D)."""
+    wave = 2 * np.pi / side
+
+    def velocity(x):
+        u = np.zeros_like(x)
+        u[:, 0] = -np.cos(wave * x[:, 0]) * np.sin(wave * x[:, 1])
+        u[:, 1] = np.sin(wave * x[:, 0]) * np.cos(wave * x[:, 1])
+        return u
+
+    return velocity
+
+
+def transported_lattice(
+    dim: int,
+    side: int = 10,
+    jitter: float = 0.0,
+    velocity=None,
+    species=(),
+    dt: float | str = "auto",
+    material: Fluid | None = None,
+    seed: int = 0,
+    periodic: bool = True,
+    device=None,
+    **scheme,
+) -> Simulation:
+    """As periodic_lattice, with a transport velocity."""
+    axes = "xyz"[:dim] if periodic else ""
+    domain = Domain((0,) * dim, (side,) * dim, periodic=axes, depth=1.0)
+    points = lattice(domain, 1.0)
+    noise = np.random.default_rng(5).uniform(-jitter, jitter, points.shape)
+    points = (points + noise) % side
+    phase = Phase("fluid", material or unit_fluid(), points, 1.0, velocity=velocity)
+    return Simulation(domain, phase, TransportVelocity(**scheme), species=species, dt=dt, seed=seed)
 
 
 def channel(

@@ -37,6 +37,7 @@ def state_of(simulation: Simulation) -> dict[str, Any]:
         "volume_drift": getattr(s.solver, "volume_drift", None),
         "events": chemistry.events if chemistry else 0,
         "jumps": chemistry.jumps if chemistry else 0,
+        "crossings": s.carriage.crossings if s.carriage else None,
     }
 
 
@@ -82,6 +83,8 @@ def restore(simulation: Simulation, state: dict[str, Any]) -> None:
     s._first_totals = dict(state["first_totals"])
     if s.chemistry:
         s.chemistry.events, s.chemistry.jumps = state["events"], state["jumps"]
+    if s.carriage:
+        s.carriage.crossings = state["crossings"]
     if state["volume_drift"] is not None:
         s.solver.volume_drift = state["volume_drift"]  # type: ignore[union-attr]
     s.solver.restore()

@@ -138,6 +138,7 @@ class Simulation:
             device, domain, self.particles, self.neighbours, self.materials, seed, self.depth_factor
         )
         self.chemistry: Chemistry | None = None
+        self.carriage: Carriage | None = None
         if species:
             self.chemistry = Chemistry(
                 self.device,
@@ -154,8 +155,8 @@ class Simulation:
                 at_rest=self.static,
             )
             if getattr(scheme, "species_flux", False):
-                carriage = Carriage(self)
-                self.solver.carry_species = carriage.apply  # type: ignore[union-attr]
+                self.carriage = Carriage(self)
+                self.solver.carry_species = self.carriage.apply  # type: ignore[union-attr]
         elif reactions:
             raise InputError("reactions", list(reactions), "empty without species")
         self._books = any(getattr(b, "values", getattr(b, "species", None)) for b in boundaries)

@@ -101,6 +101,8 @@ def drift_since(
     if simulation.chemistry:
         for name, (value, size) in conserved_totals(simulation.chemistry).items():
             drift[f"amount {name}"] = float((value - totals[name]) / size)
+    if simulation.carriage and simulation.carriage.molecules:
+        drift["molecules' flux not met"] = simulation.carriage.molecules.unmet_part
     return drift | simulation.constraints.counts()
 
 

@@ -16,10 +16,19 @@ from particell.chemistry.species import Species
 from particell.compute.loop import Loop, cuda_python
 from particell.geometry.domain import Domain
 from particell.geometry.shapes import HalfSpace
+from particell.materials import AVOGADRO
 from particell.phases import channel_walls, fluid
 from particell.schemes.static import Static
+from particell.schemes.transport_velocity import TransportVelocity
 from particell.simulation import Simulation
-from systems import UNIT_TEMPERATURE, channel, periodic_lattice, unit_fluid
+from systems import (
+    UNIT_TEMPERATURE,
+    channel,
+    periodic_lattice,
+    transported_lattice,
+    unit_fluid,
+    vortices,
+)
 
 CAPABILITY = (8, 0)
 
@@ -67,6 +76,22 @@ def flows():
     yield periodic_lattice(8, 1)
 
 
+def transported():
+    carried = [Species("A", 0.1), Species("B", 0.1, molecules=True)]
+    options = {"jitter": 0.2, "velocity": vortices(8), "species": carried, "species_flux": True}
+    for dim in (2, 3):
+        made = transported_lattice(dim, 8, dt=0.01, density_diffusion=0.1, **options)
+        made.chemistry.set_concentration("A", lambda x: x[:, 0])
+        made.chemistry.set_concentration("B", lambda x: x[:, 0] / AVOGADRO)
+        yield made
+    domain = Domain((0, 0), (8, 6), periodic="x", depth=1.0)
+    walls = channel_walls(domain, unit_fluid(), 1.0, axis=1, velocity=(None, (1.0, 0.0)))
+    inside = fluid(domain, unit_fluid(), 1.0)
+    for options in ({}, {"normalise_viscosity": True, "pressure_switch": True}):
+        scheme = TransportVelocity(gravity=(0.1, 0.0), filter_every=1, **options)
+        yield Simulation(domain, [inside, *walls], scheme)
+
+
 def reacting():
     domain = Domain((0, 0), (8e-6, 8e-6), periodic="xy", depth=1e-6)
     phase = fluid(domain, unit_fluid(density=1000.0), 1e-6)
@@ -92,7 +117,7 @@ def reacting():
     yield made
 
 
-@pytest.mark.parametrize("systems", [flows, reacting])
+@pytest.mark.parametrize("systems", [flows, transported, reacting])
 def test_bodies_compile_to_ptx(to_ptx, systems, monkeypatch):
     specialise, recorded = Loop.specialise, {}
 

@@ -21,10 +21,13 @@ from particell.compute.device import Device
 from particell.compute.reduce import Reduction
 from particell.geometry.domain import Domain
 from particell.geometry.shapes import HalfSpace
-from particell.phases import fluid
+from particell.materials import AVOGADRO
+from particell.phases import channel_walls, fluid
 from particell.schemes.static import Static
+from particell.schemes.transport_velocity import TransportVelocity
 from particell.simulation import Simulation
-from systems import UNIT_TEMPERATURE, channel, periodic_lattice, unit_fluid
+from systems import (UNIT_TEMPERATURE, channel, periodic_lattice, transported_lattice,
+                     unit_fluid, vortices)
 
 HOT = unit_fluid(viscosity=5.0, sound_speed=30.0, temperature=UNIT_TEMPERATURE)
 SMALL = dict(support=2.2, skin=0.3)
@@ -52,7 +55,23 @@ def species(device):
     s.chemistry.set_concentration("B", lambda x: 1e-3 * (x[:, 1] > 2e-6))
     return s, 2
 
-for make in (noisy, walls, trapezoidal, species):
+def transported(device):
+    s = transported_lattice(2, 6, 0.1, device=device, velocity=vortices(6), dt=0.01,
+                            species=[Species("A", 0.1), Species("B", 0.1, molecules=True)],
+                            species_flux=True, support=2.2, skin=0.3)
+    s.chemistry.set_concentration("A", lambda x: x[:, 0])
+    s.chemistry.set_concentration("B", lambda x: 20 * x[:, 0] / AVOGADRO)
+    return s, 2
+
+def plates(device):
+    domain = Domain((0, 0), (6, 3), periodic="x", depth=1.0)
+    moving = channel_walls(domain, unit_fluid(), 1.0, axis=1, velocity=(None, (1.0, 0.0)))
+    scheme = TransportVelocity(gravity=(0.1, 0.0), filter_every=1, normalise_viscosity=True,
+                               support=2.2, skin=0.3)
+    return Simulation(domain, [fluid(domain, unit_fluid(), 1.0), *moving], scheme,
+                      device=device), 2
+
+for make in (noisy, walls, trapezoidal, species, transported, plates):
     states = []
     for backend in ("cpu", "cuda"):
         simulation, steps = make(Device(backend))
@@ -82,10 +101,12 @@ def test_cuda_gives_what_the_cpu_gives():
         [sys.executable, "-c", SCRIPT], capture_output=True, text=True, env=environment, timeout=300
     )
     assert done.returncode == 0, done.stderr[-3000:]
-    assert done.stdout.split("\n")[:5] == [
+    assert done.stdout.split("\n")[:7] == [
         "noisy agrees",
         "walls agrees",
         "trapezoidal agrees",
         "species agrees",
+        "transported agrees",
+        "plates agrees",
         "reductions agree",
     ]

@@ -5,6 +5,7 @@ import pytest
 
 import particell as pc
 from particell.kernels import normalisation, shape_f
+from systems import vortices
 
 
 def lattice(shifting: float, displaced: float) -> pc.Simulation:
@@ -59,18 +60,7 @@ def test_volumes_stay_those_of_the_particles():
     """
     domain = pc.Domain((0, 0), (1, 1), periodic="xy")
     fluid = pc.Fluid(density=1.0, viscosity=0.01, sound_speed=10.0)
-    wave = 2 * np.pi
-
-    def vortices(x):
-        return np.stack(
-            [
-                -np.cos(wave * x[:, 0]) * np.sin(wave * x[:, 1]),
-                np.sin(wave * x[:, 0]) * np.cos(wave * x[:, 1]),
-            ],
-            axis=-1,
-        )
-
-    phase = pc.Phase("fluid", fluid, pc.lattice(domain, 0.05), 0.0025, velocity=vortices)
+    phase = pc.Phase("fluid", fluid, pc.lattice(domain, 0.05), 0.0025, velocity=vortices(1.0))
     sim = pc.Simulation(domain, phase, pc.SDPD(shifting=0.5))
     sim.advance(round(1.5 / sim.dt))
     volume = (sim.particles.by_id("mass") / sim.particles.by_id("density")).sum()

@@ -9,39 +9,23 @@ from particell.chemistry.species import Species
 from particell.compute.threads import kept_threads, set_threads
 from particell.errors import InputError
 from particell.geometry.domain import Domain
-from particell.geometry.fill import lattice
-from particell.phases import Phase, channel_walls, fluid
+from particell.phases import channel_walls, fluid
 from particell.schemes.transport_velocity import TransportVelocity
 from particell.simulation import Simulation
-from systems import fluid_rows, resting_poiseuille_error, same_bits, unit_fluid
-
-
-def box(dim, side=10, jitter=0.0, velocity=None, species=(), dt="auto", material=None, **scheme):
-    domain = Domain((0,) * dim, (side,) * dim, periodic="xyz"[:dim], depth=1.0)
-    points = lattice(domain, 1.0)
-    noise = np.random.default_rng(5).uniform(-jitter, jitter, points.shape)
-    phase = Phase(
-        "fluid", material or unit_fluid(), (points + noise) % side, 1.0, velocity=velocity
-    )
-    return Simulation(domain, phase, TransportVelocity(**scheme), species=species, dt=dt)
-
-
-def vortices(side):
-    k = 2 * np.pi / side
-
-    def velocity(x):
-        u = np.zeros_like(x)
-        u[:, 0] = -np.cos(k * x[:, 0]) * np.sin(k * x[:, 1])
-        u[:, 1] = np.sin(k * x[:, 0]) * np.cos(k * x[:, 1])
-        return u
-
-    return velocity
+from systems import (
+    fluid_rows,
+    resting_poiseuille_error,
+    same_bits,
+    transported_lattice,
+    unit_fluid,
+    vortices,
+)
 
 
 @pytest.mark.parametrize("dim", [2, 3])
 def test_uniform_velocity_stays_uniform(dim):
     """To round-off, while the shift orders scattered particles; pressure is switched off."""
-    simulation = box(
+    simulation = transported_lattice(
         dim, 8, jitter=0.2, velocity=(0.5,) * dim, material=unit_fluid(sound_speed=1e-9), dt=0.01
     )
     simulation.solver.shift_pressure = 100.0
@@ -63,7 +47,7 @@ def test_momentum_density_and_amounts_in_a_flow(dim):
     """
     side = 32 if dim == 2 else 20
     for form, limit in (("conserving", 1e-12), ("uniform", 2e-3)):
-        simulation = box(
+        simulation = transported_lattice(
             dim,
             side,
             velocity=vortices(side),
@@ -80,7 +64,7 @@ def test_momentum_density_and_amounts_in_a_flow(dim):
 
 
 def test_filter_keeps_uniform_density_and_removes_noise():
-    simulation = box(2, 10, jitter=0.3)
+    simulation = transported_lattice(2, 10, jitter=0.3)
     simulation.start()
     p = simulation.particles
     p.set("density", np.full(len(p), 1.02))
@@ -101,7 +85,7 @@ def test_second_order_in_the_time_step_without_viscosity():
     """
 
     def velocities(dt):
-        simulation = box(
+        simulation = transported_lattice(
             2,
             10,
             velocity=vortices(10),
@@ -161,10 +145,10 @@ def test_normalised_viscosity_is_second_order_between_plates(support, kernel, su
 
 
 def test_a_restart_gives_the_same_bits():
-    one, two = (box(2, 12, jitter=0.1, velocity=vortices(12)) for _ in range(2))
+    one, two = (transported_lattice(2, 12, jitter=0.1, velocity=vortices(12)) for _ in range(2))
     one.advance(30)
     two.advance(17)
-    three = box(2, 12, jitter=0.1, velocity=vortices(12))
+    three = transported_lattice(2, 12, jitter=0.1, velocity=vortices(12))
     three.restore(two.state())
     three.advance(13)
     assert same_bits(one, three) == []
@@ -177,7 +161,7 @@ def test_one_and_two_threads_give_the_same_bits():
     with kept_threads():
         for threads in (1, 2):
             set_threads(threads)
-            runs.append(box(2, 12, jitter=0.1, velocity=vortices(12)))
+            runs.append(transported_lattice(2, 12, jitter=0.1, velocity=vortices(12)))
             runs[-1].advance(30)
     assert same_bits(*runs) == []
     assert runs[0].neighbours.builds > 1
@@ -204,4 +188,4 @@ def test_wrong_values_are_refused(name, value):
 
 def test_bulk_viscosity_is_refused():
     with pytest.raises(InputError, match="bulk_viscosity"):
-        box(2, material=unit_fluid(bulk_viscosity=0.1))
+        transported_lattice(2, material=unit_fluid(bulk_viscosity=0.1))

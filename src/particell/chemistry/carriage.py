@@ -1,4 +1,4 @@
-"""The flux of concentrations by a shift, in time: when which loop runs."""
+"""What a shift carries of species, in time: which loop of the law runs when."""
 
 from __future__ import annotations
 
@@ -6,80 +6,202 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from particell.chemistry import crossings
+from particell.compute.device import Device
+from particell.compute.philox import CARRIAGE, stream_key
 from particell.compute.reduce import Reduction
+from particell.compute.threads import available_threads
 from particell.errors import InputError
 from particell.kernels import kernel_code, normalisation
-from particell.laws.species_flux import carry, deviations, species_parts
+from particell.laws import species_flux
 
 if TYPE_CHECKING:
     from particell.simulation import Simulation
 
 
 class Carriage:
-    """Moves amounts between particles by :mod:`particell.laws.species_flux`.
+    """Moves what particles hold between them by :mod:`particell.laws.species_flux`.
+
+    Attributes
+    ----------
+    molecules
+        The part of it for species that are molecules, None where there is no such species.
 
     Raises
     ------
     InputError
-        For species that are molecules.
+        For species that switch between molecules and amounts.
     """
 
     def __init__(self, simulation: Simulation):
-        self.simulation = simulation
-        chemistry, device = simulation.chemistry, simulation.device
+        chemistry, particles = simulation.chemistry, simulation.particles
         assert chemistry is not None
         for name, species in chemistry.species.items():
-            if species.molecules:
+            if species.switches:
                 raise InputError(
-                    "species_flux",
-                    True,
-                    f"False with molecules ('{name}'): the flux may take more than a particle has, "
-                    "so that whole molecules cannot be drawn without bias",
+                    "species_flux", True, f"False with a species that switches ('{name}')"
                 )
-        particles = simulation.particles
+        self.simulation = simulation
+        self._rows: Any = None
+        self._kinds: list[Amounts] = []
         fluid = np.array([g.kind == "fluid" for g in particles.groups])
-        carries = chemistry.deterministic.present & fluid[:, None]
-        n, self.columns = len(particles), carries.shape[1]
+        tables = chemistry.deterministic
+        if tables.names:
+            carries = tables.present & fluid[:, None]
+            self._kinds.append(Amounts(simulation.device, carries, particles["amount"]))
+        tables = chemistry.stochastic
+        self.molecules: Molecules | None = None
+        if tables.names:
+            carries = tables.present & fluid[:, None]
+            self.molecules = Molecules(simulation.device, carries, len(particles), simulation.seed)
+            self._kinds.append(self.molecules)
+
+    @property
+    def crossings(self) -> tuple[float, float]:
+        """Expected and unmet numbers of molecules so far, for a checkpoint."""
+        m = self.molecules
+        return (m.expected, m.unmet) if m else (0.0, 0.0)
+
+    @crossings.setter
+    def crossings(self, numbers: tuple[float, float]) -> None:
+        if self.molecules:
+            self.molecules.expected, self.molecules.unmet = numbers
+
+    def apply(self, step: int, dt: float) -> None:
+        """Carry all species during dt in s; ``step`` fixes the random numbers."""
+        rows = self.simulation.neighbours.fields["neighbours"]
+        if self._rows is not rows:  # those of the neighbour list are new
+            self._rows = rows
+            self._bind(len(rows))
+        n = len(self.simulation.particles)
+        self._pair_shifts(n)
+        for kind in self._kinds:
+            kind.apply(n, step, dt)
+
+    def _bind(self, pairs: int) -> None:
+        s, device = self.simulation, self.simulation.device
+        kernel, dim = kernel_code(s.scheme.kernel), s.domain.dim
+        fields = {
+            **s.neighbours.fields,
+            **s.particles.fields,
+            "own_shift": device.zeros(pairs, np.float64),
+            "its_shift": device.zeros(pairs, np.float64),
+            "alpha": normalisation(kernel, dim),
+        }
+        self._pair_shifts = device.bind(species_flux.pair_shifts, fields, DIM=dim, KERNEL=kernel)
+        for kind in self._kinds:
+            kind.bind(fields)
+
+
+class Amounts:
+    """The flux of a set of species by the midpoint rule (Euler's would let fronts grow).
+
+    Parameters
+    ----------
+    device
+        Where loops run.
+    carries
+        bool (G, S), which group carries which species.
+    content
+        Device array (n, S), what particles hold; moved in place.
+    """
+
+    def __init__(self, device: Device, carries: np.ndarray, content: Any):
+        self.device, self.content = device, content
+        n, self.columns = content.shape
         self._reduction = Reduction(device)
+        self._half = device.zeros((n, self.columns), np.float64)
         self._fields: dict[str, Any] = {
             "carries": device.array(carries.astype(np.float64)),
             "part": device.zeros((n, 2 * self.columns), np.float64),
             "mean": device.zeros(self.columns, np.float64),
             "deviation": device.zeros((n, self.columns), np.float64),
-            "alpha": normalisation(kernel_code(simulation.scheme.kernel), simulation.domain.dim),
+            "amount": content,
+            "carried": self._half,
         }
-        self._half = device.zeros((n, self.columns), np.float64)
-        self._rows: Any = None
 
-    def _bind(self) -> None:
-        """Look up arrays again where those of the neighbour list are new."""
-        s = self.simulation
-        listed = s.neighbours.fields["neighbours"]
-        if self._rows is listed:
-            return
-        self._rows = listed
-        fields = {**s.neighbours.fields, **s.particles.fields, **self._fields}
-        half, bind, columns = self._half, s.device.bind, {"COLUMNS": self.columns}
-        pairs = {**columns, "DIM": s.domain.dim, "KERNEL": kernel_code(s.scheme.kernel)}
-        self._parts = bind(species_parts, fields, **columns)
+    def bind(self, common: dict[str, Any]) -> dict[str, Any]:
+        """Look up the loops' arrays: its own and the common ones; returns them all."""
+        fields = {**common, **self._fields}
+        bind, columns = self.device.bind, {"COLUMNS": self.columns}
+        self._parts = bind(species_flux.species_parts, fields, **columns)
         self._deviations = [
-            bind(deviations, {**fields, "amount": amount}, **columns)
-            for amount in (fields["amount"], half)
+            bind(species_flux.deviations, {**fields, "amount": amount}, **columns)
+            for amount in (self.content, self._half)
         ]
-        self._carry = bind(carry, {**fields, "carried": half}, **pairs)
+        self._carry = bind(species_flux.carry, fields, **columns)
+        return fields
 
-    def apply(self, dt: float) -> None:
-        """Amounts after dt, by the midpoint rule (Euler's would let fronts grow)."""
-        self._bind()
-        s = self.simulation
-        n = len(s.particles)
+    def apply(self, n: int, step: int, dt: float) -> None:
+        """Carry the species of n particles during dt in s."""
+        self._go_half_way(n, dt)
+        self._carry(n, dt)
+        self.device.copy(self._half, self.content)
+
+    def _go_half_way(self, n: int, dt: float) -> None:
+        """Leave the deviations at the middle of the step in their field."""
         self._parts(n)
         sums = self._reduction.sum(self._fields["part"])
         mass = sums[self.columns :]
         mean = np.where(mass > 0, sums[: self.columns] / np.where(mass > 0, mass, 1.0), 0.0)
-        s.device.write(self._fields["mean"], mean)
+        self.device.write(self._fields["mean"], mean)
         self._deviations[0](n)
         self._carry(n, 0.5 * dt)
         self._deviations[1](n)
-        self._carry(n, dt)
-        s.device.copy(self._half, s.particles["amount"])
+
+
+class Molecules(Amounts):
+    """The same for molecules: numbers drawn about the flux of the step's middle.
+
+    Parameters
+    ----------
+    device, carries
+        As for :class:`Amounts`.
+    n
+        Number of particles.
+    seed
+        Of the simulation.
+
+    Attributes
+    ----------
+    expected, unmet
+        Mean number of molecules that were to cross so far, and how many of them particles did not
+        hold.
+    """
+
+    def __init__(self, device: Device, carries: np.ndarray, n: int, seed: int):
+        super().__init__(device, carries, device.zeros((n, carries.shape[1]), np.float64))
+        self.expected = self.unmet = 0.0
+        threads = available_threads() if device.backend == "cpu" else 1
+        key0, key1 = stream_key(seed, CARRIAGE)
+        self._fields |= {
+            "landed": device.zeros((threads, n), np.int64),
+            "moved": device.zeros((n, 2), np.float64),
+            "key0": key0,
+            "key1": key1,
+        }
+
+    @property
+    def unmet_part(self) -> float:
+        """The part of the molecules that were to cross that particles did not hold."""
+        return self.unmet / self.expected if self.expected else 0.0
+
+    def bind(self, common: dict[str, Any]) -> dict[str, Any]:
+        """See :meth:`Amounts.bind`."""
+        fields = super().bind(common)
+        bind, numbers = self.device.bind, {**fields, "number": self.content}
+        self._as_numbers = bind(crossings.as_numbers, numbers, COLUMNS=self.columns)
+        self._send = bind(crossings.send, fields)
+        self._receive = bind(crossings.receive, fields)
+        return fields
+
+    def apply(self, n: int, step: int, dt: float) -> None:
+        """Carry the species of n particles during dt in s; ``step`` fixes the random numbers."""
+        self._as_numbers(n)
+        self._go_half_way(n, dt)
+        for s in range(self.columns):
+            self._send(n, s, step, dt)
+            self._receive(n, s)
+            expected, unmet = self._reduction.sum(self._fields["moved"])
+            self.expected += float(expected)
+            self.unmet += float(unmet)

@@ -1,4 +1,4 @@
-r"""What a shift carries between particles of species that are concentrations.
+r"""What a shift carries between particles of their species.
 
 Particles move with :math:`\tilde v = v + \delta v`, the fluid with *v*. By default amounts ride
 with the particles; what the fluid carries past them is the flux
@@ -16,11 +16,9 @@ mass it vanishes for a uniform species, which stays uniform to round-off (with C
 follow every change of the arrangement); elsewhere it is noise in proportion to the deviation, zero
 on the average while particles stay evenly spread.
 
-For concentrations only: the flux takes from a particle in proportion to what its neighbour holds,
-and so, too, more than the particle has. An amount may become slightly negative at a front; a number
-of molecules must not, and no way of drawing whole molecules is then without bias.
+How whole molecules cross at this mean flux is in :mod:`particell.chemistry.crossings`.
 
-Units: n in mol (per depth), V in m^D, C in mol/m³, δv in m/s, F in 1/m^(D+2).
+Units: n in mol (per depth) or molecules, V in m^D, C in n per V, δv in m/s, F in 1/m^(D+2).
 
 Source: Adami, Hu & Adams, J. Comput. Phys. 241 (2013) 292, the form of their momentum flux; Jacob,
 thesis, UCSB 2020.
@@ -38,9 +36,9 @@ from particell.laws.pairs import image_offset
 
 
 @njit
-def species_flux(weight, content_i, content_j, shift_dot_x_i, shift_dot_x_j):
-    """The pair's part of dn_i/dt; ``weight`` is V_i V_j F_ij, the last two δv·x_ij of i and j."""
-    return -weight * (content_i * shift_dot_x_i + content_j * shift_dot_x_j)
+def species_flux(own_shift, its_shift, own_content, its_content):
+    """The pair's part of dn_i/dt; shifts as in :func:`pair_shifts`, contents are C' of i and j."""
+    return -(own_content * own_shift + its_content * its_shift)
 
 
 @particle_loop
@@ -60,12 +58,11 @@ def deviations(i, mass, volume, amount, mean, deviation, *, COLUMNS):
 
 
 @particle_loop
-def carry(
+def pair_shifts(
     i,
     x,
     v,
     transport,
-    group,
     volume,
     support,
     start,
@@ -75,20 +72,13 @@ def carry(
     period,
     inverse_period,
     alpha,
-    carries,
-    deviation,
-    amount,
-    carried,
-    tau,
+    own_shift,
+    its_shift,
     *,
     DIM,
     KERNEL,
-    COLUMNS,
 ):
-    """``carried`` = amounts of particle i after the flux of the deviations during tau."""
-    for s in range(COLUMNS):
-        carried[i, s] = amount[i, s]
-    g = group[i]
+    """V_i V_j F_ij δv·x_ij along row i, with δv of particle i and of its neighbour."""
     wraps = crosses[i] != 0
     for k in range(start[i], split[i]):
         j = neighbours[k]
@@ -98,9 +88,39 @@ def carry(
             r2 += offset * offset
             own += (transport[i, d] - v[i, d]) * offset
             its += (transport[j, d] - v[j, d]) * offset
-        h = 0.5 * (support[i] + support[j])
-        f = alpha / (power(h, DIM) * h * h) * shape_f(math.sqrt(r2) / h, KERNEL)
-        weight = tau * volume[i] * volume[j] * f
-        for s in range(COLUMNS):
-            both = weight * carries[g, s] * carries[group[j], s]
-            carried[i, s] += species_flux(both, deviation[i, s], deviation[j, s], own, its)
+        inverse = 2.0 / (support[i] + support[j])
+        f = alpha * power(inverse, DIM) * inverse * inverse
+        f *= shape_f(math.sqrt(r2) * inverse, KERNEL)
+        weight = volume[i] * volume[j] * f
+        own_shift[k] = weight * own
+        its_shift[k] = weight * its
+
+
+@particle_loop
+def carry(
+    i,
+    group,
+    start,
+    split,
+    neighbours,
+    own_shift,
+    its_shift,
+    carries,
+    deviation,
+    amount,
+    carried,
+    tau,
+    *,
+    COLUMNS,
+):
+    """``carried`` = amounts of particle i after the flux of the deviations during tau."""
+    g = group[i]
+    for s in range(COLUMNS):
+        gain = 0.0
+        own = deviation[i, s]
+        for k in range(start[i], split[i]):
+            j = neighbours[k]
+            gain += carries[group[j], s] * species_flux(
+                own_shift[k], its_shift[k], own, deviation[j, s]
+            )
+        carried[i, s] = amount[i, s] + tau * carries[g, s] * gain

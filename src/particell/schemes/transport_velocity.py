@@ -80,8 +80,9 @@ class TransportVelocity:
         Divide the friction of each pair by the mean kernel sum (1/D) Σ V F r² of its particles: the
         viscosity is then exact for quadratic profiles on every lattice. Costs a sweep.
     species_flux
-        Let the shift carry concentrations between particles (:mod:`particell.laws.species_flux`);
-        otherwise amounts ride with them. Not for molecules.
+        Let the shift carry species between particles (:mod:`particell.laws.species_flux`; molecules
+        as in :mod:`particell.chemistry.crossings`); otherwise they ride with them. Not for species
+        that switch between molecules and amounts.
     gravity, reference_speed, pressure_drop, skin
         As for :class:`~particell.schemes.sdpd.SDPD`.
 

@@ -97,7 +97,7 @@ class TransportVelocitySolver(SDPDSolver):
         self.move_walls(0.5)
         self.predict_density(n, 0.5 * dt)
         self.density_rates(step)
-        self.carry_species(dt)
+        self.carry_species(step, dt)
         self.drift(n, 0.5 * dt)
         self.move_walls(1.0)
         self.after_drift()
@@ -115,8 +115,8 @@ class TransportVelocitySolver(SDPDSolver):
         self._pack_flux(self.n)
         self._flux_rates(self.n)
 
-    def carry_species(self, dt: float) -> None:
-        """Called at the half step (what the shift carries of concentrations)."""
+    def carry_species(self, step: int, dt: float) -> None:
+        """Called at the half step (what the shift carries of species)."""
 
     def filter_density(self) -> None:
         """Smooth the fluid's density; pressure, volume and walls follow."""

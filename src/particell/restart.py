@@ -84,7 +84,7 @@ def restore(simulation: Simulation, state: dict[str, Any]) -> None:
     if s.chemistry:
         s.chemistry.events, s.chemistry.jumps = state["events"], state["jumps"]
     if s.carriage:
-        s.carriage.crossings = state["crossings"]
+        s.carriage.crossings = state.get("crossings") or (0.0, 0.0)
     if state["volume_drift"] is not None:
         s.solver.volume_drift = state["volume_drift"]  # type: ignore[union-attr]
     s.solver.restore()

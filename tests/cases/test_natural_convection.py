@@ -10,6 +10,7 @@ from particell.cases import natural_convection_results as results
 from particell.cases.base import Context
 from particell.cases.natural_convection import NaturalConvection
 from particell.chemistry.species import Species
+from particell.errors import InputError
 from particell.materials import AVOGADRO, Fluid
 from particell.schemes.static import Static
 from particell.simulation import Simulation
@@ -62,9 +63,15 @@ def test_coarse_flow(coarse):
     assert metrics["density_variation"].value < 0.02
 
 
-def test_a_transport_velocity_does_the_same():
+@pytest.mark.parametrize("carried", [False, True])
+def test_a_transport_velocity_does_the_same(carried):
     case = NaturalConvection(
-        resolution=24, end=8, averaging=2, molecules=50, scheme="transport-velocity"
+        resolution=24,
+        end=8,
+        averaging=2,
+        molecules=50,
+        scheme="transport-velocity",
+        species_flux=carried,
     )
     simulation = case.build(Context(seed=1))
     run = simulation.run(case.until, case.every, progress=False)
@@ -73,6 +80,12 @@ def test_a_transport_velocity_does_the_same():
     assert metrics["transfer_walls_concentrations"].value == pytest.approx(2.069, rel=0.1)
     for name in ("largest_void", "inside_walls", "drift_concentrations", "drift_molecules"):
         assert metrics[name].passed
+    assert ("molecules' flux not met" in simulation.conservation()) == carried
+
+
+def test_plain_particles_have_no_flux_of_species():
+    with pytest.raises(InputError, match="species_flux"):
+        NaturalConvection(species_flux=True).build(Context())
 
 
 def test_the_fluid_rises_along_the_cylinder(coarse):

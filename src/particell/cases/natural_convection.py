@@ -42,6 +42,7 @@ from particell.cases.base import (
 )
 from particell.chemistry.reservoirs import FixedValueWall
 from particell.chemistry.species import Species
+from particell.errors import InputError
 from particell.geometry.domain import Domain
 from particell.geometry.fill import fitting_spacing, lattice, packed, rings
 from particell.geometry.shapes import Circle, HalfSpace
@@ -110,6 +111,8 @@ class NaturalConvection(Case):
     """Plain SPH with shifting, or SPH with a transport velocity."""
     shifting: Annotated[float, Field(ge=0, le=2)] = 0.5
     """Particle shifting in units of ρ c₀² (plain SPH)."""
+    species_flux: bool = False
+    """Let the shift carry the species (transport velocity); otherwise they ride with particles."""
     end: Annotated[float, Field(gt=0)] = 25.0
     """End of the run in units of L/v0."""
     averaging: Annotated[float, Field(gt=0)] = 5.0
@@ -201,8 +204,12 @@ class NaturalConvection(Case):
         }
         support = SUPPORT[self.scheme]
         if self.scheme == "sdpd":
+            if self.species_flux:
+                raise InputError("species_flux", True, "False with scheme 'sdpd'")
             return SDPD(support=support, shifting=self.shifting, **speeds)
-        return TransportVelocity(support=support, fixed_volume=True, **speeds)
+        return TransportVelocity(
+            support=support, fixed_volume=True, species_flux=self.species_flux, **speeds
+        )
 
     def safeguards(self, phases: list[Phase]) -> list[Reflection]:
         """Reflecting surfaces for plain SPH; the transport velocity has walls that bounce back."""

@@ -265,21 +265,9 @@ class Run:
         numpy.ndarray
             (m,) or (m, D); NaN where there is no particle within the support.
         """
-        from particell.analysis.fields import interpolate
+        from particell.output.sampling import on_points
 
-        frame = self.checked(frame)
-        known("field", name, self.field_names)
-        chosen = self.chosen(groups)
-        return interpolate(
-            points,
-            self.source.read("position", frame)[chosen],
-            self.source.read(name, frame)[chosen],
-            volume=self._volume(frame)[chosen],
-            support=self._given("support", frame)[chosen] if support is None else support,
-            domain=self.domain,
-            kernel=kernel,
-            order=order,
-        )
+        return on_points(self, name, points, frame, groups, order, kernel, support)
 
     def on_line(
         self, name: str, start, end, points: int = 101, frame: int = -1, **options: Any
@@ -393,16 +381,6 @@ class Run:
         from particell.output.view import view
 
         return view(self, what, frame, groups, component, arrows, limits, colours, path, off_screen)
-
-    def _volume(self, frame: int) -> np.ndarray:
-        """Volumes of the particles, up to a factor (particles at rest have no density field)."""
-        mass = self._given("mass", frame)
-        known_density = "density" in self.field_names or "density" in self.static
-        return mass / self._given("density", frame) if known_density else mass
-
-    def _given(self, name: str, frame: int) -> np.ndarray:
-        """A field of a frame, or the static one where it does not change."""
-        return self.source.read(name, frame) if name in self.field_names else self.static[name]
 
     def checked(self, frame: int) -> int:
         """The number of a frame, counted from the beginning.

@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from particell.errors import InputError
-from particell.units import parse
+from particell.units import parse, quantity
 
 
 @pytest.mark.parametrize(
@@ -47,3 +47,35 @@ def test_parse(text, unit, expected):
 def test_refuses(text):
     with pytest.raises(InputError, match="x = "):
         assert parse("x", text, "m^2")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "1,5 um",
+        "1 000 um",
+        "12\u00a0500 um",
+        "12\u202f500 um",
+        "1.000,5 um",
+        "1'000 um",
+        "1’000 um",
+        "1·5 um",
+        "1,000 um",
+        "2 5 mm",
+        "1e-3,5 m",
+        "1, mm",
+        ",5 mm",
+        "3 m 5",
+        "1,5",
+    ],
+)
+@pytest.mark.parametrize("read", [lambda text: parse("x", text, "m"), quantity])
+def test_a_number_is_never_another_one(text, read):
+    """Decimal commas and digits in groups: pint drops commas and multiplies what stands apart."""
+    with pytest.raises(ValueError, match="decimal point"):
+        read(text)
+
+
+@pytest.mark.parametrize("text", ["5 m / 2", "5 m * 2", "5 / 2 m", "-5 m", "1e-3 m", "1 m^-1 * 2 m^2"])
+def test_numbers_with_an_operator_between_them(text):
+    assert parse("x", text, "m") == pytest.approx(quantity(text).magnitude)

@@ -255,10 +255,10 @@ class RunningAverage:
         """Add the present state to the sums."""
         s, now = self.simulation, self._now
         particles = s.particles
-        now["x"][...] = particles.host("x")
-        now["support"][...] = particles.host("support")
-        np.divide(particles.host("mass"), particles.host("density"), out=now["volume"])
-        now["volume"][~np.isin(particles.host("group"), self._chosen)] = 0.0
+        now["x"][...] = particles.view("x")
+        now["support"][...] = particles.view("support")
+        np.divide(particles.view("mass"), particles.view("density"), out=now["volume"])
+        now["volume"][~np.isin(particles.view("group"), self._chosen)] = 0.0
         column = 0
         for name, shape in zip(self.average.fields, self._shapes, strict=True):
             width = math.prod(shape)

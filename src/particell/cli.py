@@ -42,6 +42,23 @@ def run_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return command
 
 
+def _importable(context: click.Context, option: click.Parameter, value: str | None) -> str | None:
+    """Let a module that the user names be found where the user is, as ``python -m`` does."""
+    if value is not None and "" not in sys.path:
+        sys.path.insert(0, "")
+    return value
+
+
+#: Which class a directory's case is of, where the program does not know it.
+own_case = click.option(
+    "--case",
+    "kind",
+    metavar="MODULE:CLASS",
+    callback=_importable,
+    help="The class of a case of your own (imported from here or from where Python looks).",
+)
+
+
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="particell", message="%(prog)s %(version)s")
 def cli() -> None:
@@ -141,25 +158,28 @@ def ensemble(case: str, settings: tuple[str, ...], out: Path | None, **options: 
 
 @cli.command()
 @click.argument("directory", type=click.Path(path_type=Path))
+@own_case
 @click.option("--progress/--no-progress", default=True, help="Show a progress bar.")
-def resume(directory: Path, progress: bool) -> int:
+def resume(directory: Path, progress: bool, kind: str | None) -> int:
     """Go on with the run or the ensemble in DIRECTORY from its last checkpoints."""
     from particell.cases import execution
     from particell.ensemble import command, is_ensemble
 
     if is_ensemble(directory):
-        return command.resume(directory, progress)
-    return guarded(directory, lambda: execution.resume(directory, progress=progress))
+        return command.resume(directory, progress, kind)
+    return guarded(directory, lambda: execution.resume(directory, progress, kind))
 
 
 @cli.command()
 @click.argument("directory", type=click.Path(path_type=Path))
-def plot(directory: Path) -> int:
+@own_case
+def plot(directory: Path, kind: str | None) -> int:
     """Draw the figures of the run or the ensemble in DIRECTORY again."""
     from particell.cases.execution import replot
     from particell.ensemble import command, is_ensemble
 
-    for path in command.plot(directory) if is_ensemble(directory) else replot(directory):
+    draw = command.plot if is_ensemble(directory) else replot
+    for path in draw(directory, kind):
         click.echo(path)
     return 0
 

@@ -302,7 +302,7 @@ class Monitor:
 
     def _bad_rows(self, name: str) -> np.ndarray:
         """Rows of a field that hold what they must not."""
-        values = self.simulation.particles.host(name)
+        values = self.simulation.particles.view(name)
         if name == "count":
             bad = values < 0
         elif values.dtype.kind != "f" or name.startswith("sponge_"):  # unused outside a sponge
@@ -315,7 +315,7 @@ class Monitor:
         s = self.simulation
         fastest = self.largest_speed()
         if s.late(TOO_LATE, fastest):
-            square = (s.particles.host("v").astype(float) ** 2).sum(axis=1)
+            square = (s.particles.view("v").astype(float) ** 2).sum(axis=1)
             self._fail(
                 f"the flow ({fastest:.3g} m/s) has become too fast for dt = {s.dt:.3g} s within a "
                 "frame; give the speed that it reaches as reference_speed, or take shorter frames",
@@ -329,39 +329,39 @@ class Monitor:
         bounded = ~domain.periodic
         if not bounded.any() or simulation.static:
             return
-        x = particles.host("x")[:, bounded]
-        h = particles.host("support")[:, None]
+        x = particles.view("x")[:, bounded]
+        h = particles.view("support")[:, None]
         lost = (x < domain.lower[bounded] - h) | (x > domain.upper[bounded] + h)
-        lost = lost.any(axis=1) & (particles.host("is_wall") == 0)
+        lost = lost.any(axis=1) & (particles.view("is_wall") == 0)
         if lost.any():
             self._fail("a particle has left the domain", "position", int(np.flatnonzero(lost)[0]))
 
     def _fail(self, message: str, field: str, row: int) -> None:
         s = self.simulation
-        particle = int(s.particles.host("id")[row])
+        particle = int(s.particles.view("id")[row])
         raise RunError(message, step=s.step, time=s.time, field=field, particle=particle)
 
     def _masses(self) -> np.ndarray:
         p = self.simulation.particles
-        mobile = p.host("is_wall") == 0
-        return np.where(mobile, p.host("mass").astype(float), 0.0) * self.simulation.depth_factor
+        mobile = p.view("is_wall") == 0
+        return np.where(mobile, p.view("mass").astype(float), 0.0) * self.simulation.depth_factor
 
     def momentum(self) -> np.ndarray:
         """Σ m v of the mobile particles in kg m/s, shape (D,)."""
-        v = self.simulation.particles.host("v").astype(float)
+        v = self.simulation.particles.view("v").astype(float)
         return (self._masses()[:, None] * v).sum(axis=0)
 
     def absolute_momentum(self) -> float:
         """Σ m |v| of the mobile particles in kg m/s."""
-        v = self.simulation.particles.host("v").astype(float)
+        v = self.simulation.particles.view("v").astype(float)
         return float((self._masses() * np.linalg.norm(v, axis=1)).sum())
 
     def kinetic_energy(self) -> float:
         """½ Σ m v² of the mobile particles in J."""
-        v = self.simulation.particles.host("v").astype(float)
+        v = self.simulation.particles.view("v").astype(float)
         return float(0.5 * (self._masses() * (v**2).sum(axis=1)).sum())
 
     def largest_speed(self) -> float:
         """Largest |v| in m/s."""
-        v = self.simulation.particles.host("v").astype(float)
+        v = self.simulation.particles.view("v").astype(float)
         return float(np.sqrt((v**2).sum(axis=1).max(initial=0.0)))

@@ -57,8 +57,9 @@ class Particles:
 
     Notes
     -----
-    Rows are kept in cell order and change places; ``id`` is persistent. :meth:`host` returns
-    fields in memory order, :meth:`by_id` in the order of ids.
+    Rows are kept in cell order and change places when neighbour lists are built, the first time at
+    the first step; ``id`` is persistent. :meth:`host` returns fields in memory order, :meth:`by_id`
+    in the order of ids, which is that of the phases and of their points.
     """
 
     def __init__(self, device: Device, n: int, dim: int, groups: list[Group]):
@@ -121,28 +122,37 @@ class Particles:
         )
 
     def host(self, name: str) -> np.ndarray:
-        """A field as a NumPy array, in memory order."""
-        return self.device.to_host(self[name])
+        """A field as a new NumPy array, in memory order."""
+        return np.array(self.device.to_host(self[name]))
+
+    def view(self, name: str) -> np.ndarray:
+        """A field to look at, in memory order, read-only: without a copy where it can be (CPU)."""
+        values = self.device.to_host(self[name]).view()
+        values.flags.writeable = False
+        return values
 
     def by_id(self, name: str) -> np.ndarray:
         """A field as a new NumPy array, in the order of persistent ids."""
-        values = self.host(name)
+        return self.in_order_of_ids(self.view(name))
+
+    def in_order_of_ids(self, values: np.ndarray) -> np.ndarray:
+        """Values (n, …) in memory order as a new array in the order of persistent ids."""
         ordered = np.empty_like(values)
-        ordered[self.host("id")] = values
+        ordered[self.view("id")] = values
         return ordered
 
-    def set(self, name: str, values: np.ndarray) -> None:
-        """Overwrite a field, given in memory order."""
+    def set(self, name: str, values: np.ndarray, by_id: bool = False) -> None:
+        """Overwrite a field, given in memory order or, with ``by_id``, in the order of ids."""
         host = np.empty(self[name].shape, self[name].dtype)
         host[...] = values
-        self.device.write(self[name], host)
+        self.device.write(self[name], host[self.view("id")] if by_id else host)
 
-    def select(self, group: str) -> np.ndarray:
-        """Boolean mask (n,), in memory order, of the particles of a group."""
+    def select(self, group: str, by_id: bool = False) -> np.ndarray:
+        """Boolean mask (n,) of a group's particles, in memory order or that of their ids."""
         names = [g.name for g in self.groups]
         if group not in names:
             raise unknown_name("group", group, names)
-        return self.host("group") == names.index(group)
+        return (self.by_id("group") if by_id else self.view("group")) == names.index(group)
 
     def permute(self, order: np.ndarray) -> None:
         """Put row ``order[k]`` of every field in place k."""

@@ -22,7 +22,7 @@ def state_of(simulation: Simulation) -> dict[str, Any]:
     s.start()
     chemistry = s.chemistry
     return {
-        "fields": {name: np.array(s.particles.host(name)) for name in s.particles},
+        "fields": {name: s.particles.host(name) for name in s.particles},
         "list": {name: np.array(s.device.to_host(s.neighbours.fields[name])) for name in _LIST},
         "capacity": s.neighbours.capacity,
         "builds": s.neighbours.builds,

@@ -38,7 +38,7 @@ def field_of(simulation: Simulation, name: str) -> np.ndarray:
     if species:
         assert simulation.chemistry is not None
         return getattr(simulation.chemistry, kind)(species)
-    return simulation.particles.host("v" if name == "velocity" else name)
+    return simulation.particles.view("v" if name == "velocity" else name)
 
 
 def frame_of(simulation: Simulation, booked: bool) -> dict[str, np.ndarray]:

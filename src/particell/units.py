@@ -33,6 +33,9 @@ LONGEST = 100
 _POWER_OF_NUMBER = re.compile(r"[\d.]\s*(?:\*\*|\^)")
 _POWER_OF_BRACKET = re.compile(r"\)\s*(?:\*\*|\^)")
 _LARGE_POWER = re.compile(r"(?:\*\*|\^)[\s(+-]*(?:\d{2}|[^\d\s(+-])")
+#: What much of the world writes within a number, and pint drops or takes for a product: a comma,
+#: an apostrophe or a raised point between digits, or a number that stands beside another.
+_BROKEN_NUMBER = re.compile(r",|\d\s*['’·⋅]\s*\d|[^\s*/^(+-]\s+[+-]?[\d.]")
 
 
 @functools.cache
@@ -95,8 +98,10 @@ class Quantity:
         import pint
 
         units = registry()
-        if isinstance(given, str) and not _harmless(given):
-            raise ValueError(self.allowed)
+        if isinstance(given, str):
+            _refuse_broken_number(given)
+            if not _harmless(given):
+                raise ValueError(self.allowed)
         try:
             target = units.Unit(self.unit)
             quantity: Any = units.Quantity(given)
@@ -136,6 +141,12 @@ def _harmless(text: str) -> bool:
     )
 
 
+def _refuse_broken_number(text: str) -> None:
+    """Refuse ``"1,5 um"``, ``"12 500 um"`` and the like, which pint would read as other numbers."""
+    if _BROKEN_NUMBER.search(text):
+        raise ValueError("one number, with a decimal point and nothing between its digits")
+
+
 def quantity(text: str) -> Any:
     """Text with a unit as one of pint's quantities, in base units.
 
@@ -147,6 +158,7 @@ def quantity(text: str) -> Any:
     import pint
 
     words = "a number, or text with a unit"
+    _refuse_broken_number(text)
     if not _harmless(text):
         raise ValueError(words)
     try:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING
 
-from particell.errors import unknown_name
+from particell.errors import InputError, unknown_name
 
 if TYPE_CHECKING:
     from particell.cases.base import Case
@@ -87,6 +87,10 @@ CASES: dict[str, tuple[str, str]] = {
 }
 
 
+#: What a whole simulation in TOML is a case of.
+CASE_FILE = "particell.casefile.case:FileCase"
+
+
 def names() -> list[str]:
     """Names of all built-in cases."""
     return list(CASES)
@@ -105,11 +109,62 @@ def load(name: str) -> type[Case]:
     InputError
         Where there is no such case.
     """
-    return load_class(_entry(name)[0])
+    return _import(_entry(name)[0])
 
 
-def load_class(reference: str) -> type[Case]:
-    """The class that ``"module:Class"`` refers to."""
+def recorded(name: str, reference: str | None, given: type[Case] | str | None = None) -> type[Case]:
+    """The class of the case that a run's directory names.
+
+    A directory is data, perhaps a stranger's: of what it names only the program's own cases are
+    imported.
+
+    Parameters
+    ----------
+    name, reference
+        What the directory holds: the case's name, and ``"module:Class"`` or None.
+    given
+        The class itself, or its ``"module:Class"`` as the user has typed it, for a case that is
+        not one of the program's.
+
+    Raises
+    ------
+    InputError
+        Where the directory names a case that is neither built in nor given.
+    """
+    if given is not None:
+        kind = given_class(given) if isinstance(given, str) else given
+        if getattr(kind, "name", None) != name:
+            raise InputError("case", given, f"the case that the directory was made with, '{name}'")
+        return kind
+    if reference == CASE_FILE:
+        return _import(CASE_FILE)
+    if reference is None or (name in CASES and reference == CASES[name][0]):
+        return load(name)
+    allowed = "a built-in case; if you trust the directory, name the class: --case MODULE:CLASS"
+    raise InputError(f"class of the case '{name}'", reference, allowed)
+
+
+def given_class(reference: str) -> type[Case]:
+    """The class of a case that the user names as ``"module:Class"``.
+
+    Raises
+    ------
+    InputError
+        Where it cannot be imported or is no case.
+    """
+    from particell.cases.base import Case
+
+    try:
+        kind = _import(reference)
+    except Exception as error:  # a module that runs may raise anything
+        allowed = f"MODULE:CLASS that can be imported ({type(error).__name__}: {error})"
+        raise InputError("--case", reference, allowed) from None
+    if not (isinstance(kind, type) and issubclass(kind, Case)):
+        raise InputError("--case", reference, "MODULE:CLASS of a particell.cases.base.Case")
+    return kind
+
+
+def _import(reference: str) -> type[Case]:
     module, _, attribute = reference.partition(":")
     return getattr(importlib.import_module(module), attribute)
 

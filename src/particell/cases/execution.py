@@ -76,8 +76,12 @@ def execute(
     return _finish(case, context, simulation, directory, progress, report)
 
 
-def resume(directory: str | Path, progress: bool = True) -> int:
+def resume(
+    directory: str | Path, progress: bool = True, kind: type[Case] | str | None = None
+) -> int:
     """Go on from the last checkpoint of a directory; returns as :func:`execute`.
+
+    ``kind`` is the class of a case that is not built in, as for :func:`read_case`.
 
     Raises
     ------
@@ -85,7 +89,7 @@ def resume(directory: str | Path, progress: bool = True) -> int:
         Where the directory holds no run, or its checkpoint cannot be read.
     """
     directory = Path(directory)
-    case, context = read_case(directory)
+    case, context = read_case(directory, kind)
     return go_on(case, context, directory, progress)
 
 
@@ -120,15 +124,33 @@ def _stopped_at_once(directory: Path) -> bool:
         return False
 
 
-def replot(directory: str | Path) -> list[Path]:
-    """Draw the figures of a directory again; gives the paths of the PNG files."""
+def replot(directory: str | Path, kind: type[Case] | str | None = None) -> list[Path]:
+    """Draw the figures of a directory again; gives the paths of the PNG files.
+
+    ``kind`` is the class of a case that is not built in, as for :func:`read_case`.
+    """
     directory = Path(directory)
-    case, _ = read_case(directory)
+    case, _ = read_case(directory, kind)
     return case.figures(Run(directory), directory)
 
 
-def read_case(directory: str | Path) -> tuple[Case, Context]:
-    """The case that a directory was made from, and how it was run."""
+def read_case(
+    directory: str | Path, kind: type[Case] | str | None = None
+) -> tuple[Case, Context]:
+    """The case that a directory was made from, and how it was run.
+
+    Parameters
+    ----------
+    directory
+        Of a run. It is data: nothing that it names is imported but the program's own cases.
+    kind
+        The class of a case that is not built in, or its ``"module:Class"``.
+
+    Raises
+    ------
+    InputError
+        Where it holds no run, or one of a case that is neither built in nor given.
+    """
     path = Path(directory) / CASE
     if not os.path.isfile(path):
         raise InputError("directory", str(directory), f"one with the output of a run ({CASE})")
@@ -136,18 +158,13 @@ def read_case(directory: str | Path) -> tuple[Case, Context]:
     try:
         name, reference = found["case"], found.get("class")
         parameters, context = dict(found["parameters"]), Context(**found["context"])
-        kind = case_class(str(name), reference)
+        described = cases.recorded(str(name), reference, kind)
     except InputError:
         raise
-    except (LookupError, TypeError, ValueError, AttributeError, ImportError) as error:
+    except (LookupError, TypeError, ValueError, AttributeError) as error:
         allowed = f"a case file of particell ({type(error).__name__}: {reason(error)})"
         raise InputError("case", str(path), allowed) from None
-    return kind(**parameters), context
-
-
-def case_class(name: str, reference: str | None) -> type[Case]:
-    """The class of a case by its name, or by ``"module:Class"`` where it is not built in."""
-    return cases.load_class(reference) if reference else cases.load(name)
+    return described(**parameters), context
 
 
 def read_case_file(path: str | Path) -> tuple[type[Case], dict[str, Any]]:

@@ -70,7 +70,9 @@ class Contents:
         if any(s.switches for s in species) and "continuous" not in particles:
             particles.add("continuous", molecules, np.uint8)
 
-    def set_concentration(self, name: str, values: Values, group: str | None = None) -> None:
+    def set_concentration(
+        self, name: str, values: Values, group: str | None = None, by_id: bool = False
+    ) -> None:
         """Set a species from concentrations in mol/m³.
 
         Parameters
@@ -78,10 +80,13 @@ class Contents:
         name
             The species.
         values
-            A number, an array for the particles concerned in memory order, or a function of their
-            positions (m, dim).
+            A number, an array for the particles concerned, or a function of their positions
+            (m, dim).
         group
             The particles concerned; by default all that hold the species.
+        by_id
+            Whether an array is in the order of the particles' ids, which never changes; by default
+            in memory order, which does.
 
         Notes
         -----
@@ -89,12 +94,12 @@ class Contents:
         the particle's own (purpose ``INITIAL``, counter id and species). A species that switches
         begins as an amount where it has more than ``switch_above`` molecules.
         """
-        chosen, numbers = self._values(name, values, group)
+        chosen, numbers = self._values(name, values, group, by_id)
         if (numbers < 0).any() or not np.isfinite(numbers).all():
             raise InputError(f"concentration of {name}", float(numbers.min()), "finite and >= 0")
         p = self.particles
         amounts = np.zeros(p.n)
-        amounts[chosen] = numbers * (p.host("mass") / p.host("density"))[chosen]
+        amounts[chosen] = numbers * (p.view("mass") / p.view("density"))[chosen]
         table, column = self._column(name)
         if table is self.deterministic:
             self._overwrite("amount", column, chosen, amounts)
@@ -114,12 +119,14 @@ class Contents:
         key0, key1 = self._initial_key
         self._round(p.n, self.device.array(expected), column, mask, key0, key1, p["count"])
 
-    def set_count(self, name: str, values: Values, group: str | None = None) -> None:
-        """Set the numbers of molecules of a species; ``values`` as in :meth:`set_concentration`."""
+    def set_count(
+        self, name: str, values: Values, group: str | None = None, by_id: bool = False
+    ) -> None:
+        """Set the numbers of molecules of a species; arguments as in :meth:`set_concentration`."""
         table, column = self._column(name)
         if table is self.deterministic:
             raise InputError("species", name, "one with molecules=True, to have its count set")
-        chosen, numbers = self._values(name, values, group)
+        chosen, numbers = self._values(name, values, group, by_id)
         whole = np.rint(numbers)
         if not ((whole == numbers) & (whole >= 0) & (whole <= MOST_MOLECULES)).all():
             allowed = f"whole numbers from 0 to {MOST_MOLECULES:g}"
@@ -131,33 +138,41 @@ class Contents:
             self._overwrite("amount", table.partner[column], chosen, 0 * every)
             self._overwrite("continuous", column, chosen, 0 * every)
 
-    def concentration(self, name: str) -> np.ndarray:
-        """Concentration of a species in mol/m³, (n,), in memory order, for either kind."""
+    def concentration(self, name: str, by_id: bool = False) -> np.ndarray:
+        """Concentration of a species of either kind in mol/m³, a new array (n,).
+
+        In memory order, which changes when neighbour lists are built, or with ``by_id`` in the
+        order of the particles' ids.
+        """
+        found = self._concentration(name)
+        return self.particles.in_order_of_ids(found) if by_id else found
+
+    def _concentration(self, name: str) -> np.ndarray:
         table, column = self._column(name)
         p = self.particles
-        volume = p.host("mass").astype(float) / p.host("density")
+        volume = p.view("mass").astype(float) / p.view("density")
         if table is self.deterministic:
-            return p.host("amount")[:, column] / volume
-        found = p.host("count")[:, column] / (volume * self.depth * AVOGADRO)
+            return p.view("amount")[:, column] / volume
+        found = p.view("count")[:, column] / (volume * self.depth * AVOGADRO)
         if self.species[name].switches:
-            amount = p.host("amount")[:, table.partner[column]]
-            found = np.where(p.host("continuous")[:, column] == 1, amount / volume, found)
+            amount = p.view("amount")[:, table.partner[column]]
+            found = np.where(p.view("continuous")[:, column] == 1, amount / volume, found)
         return found
 
-    def count(self, name: str) -> np.ndarray:
-        """Molecules of a species, int64 (n,), in memory order.
+    def count(self, name: str, by_id: bool = False) -> np.ndarray:
+        """Molecules of a species, a new array int64 (n,); ``by_id`` as in :meth:`concentration`.
 
         Of a species that is an amount there (see ``switch_above``), the nearest whole number.
         """
         table, column = self._column(name)
         if table is self.deterministic:
             raise InputError("species", name, "one with molecules=True, to have a count")
-        count = self.particles.host("count")[:, column]
+        count = self.particles.view("count")[:, column]
         if self.species[name].switches:
-            amount = self.particles.host("amount")[:, table.partner[column]]
+            amount = self.particles.view("amount")[:, table.partner[column]]
             near = np.rint(amount * self.depth * AVOGADRO).astype(np.int64)
-            count = np.where(self.particles.host("continuous")[:, column] == 1, near, count)
-        return count
+            count = np.where(self.particles.view("continuous")[:, column] == 1, near, count)
+        return self.particles.in_order_of_ids(count) if by_id else np.array(count)
 
     def column(self, name: str) -> int:
         """The species' column in the field ``amount`` or ``count``."""
@@ -184,7 +199,7 @@ class Contents:
         return result
 
     def _overwrite(self, field: str, column: int, chosen: np.ndarray, values: np.ndarray) -> None:
-        host = self.particles.host(field).copy()
+        host = self.particles.host(field)
         host[chosen, column] = values[chosen]
         self.particles.set(field, host)
 
@@ -196,22 +211,26 @@ class Contents:
         raise unknown_name("species", name, self.species)
 
     def _values(
-        self, name: str, values: Values, group: str | None
+        self, name: str, values: Values, group: str | None, by_id: bool
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Which particles are meant, and one number for each of them."""
+        """Which particles are meant, and one number for each of them, both in memory order."""
         table, column = self._column(name)
         p = self.particles
         holds = table.present[:, column]
         if group is None:
-            chosen = holds[p.host("group")]
+            chosen = holds[p.view("group")]
         else:
             chosen = p.select(group)
             if not holds[[g.name for g in p.groups].index(group)]:
                 raise InputError(f"group of {name}", group, "one that holds the species")
-        given = values(p.host("x")[chosen]) if callable(values) else values
+        given = values(p.view("x")[chosen]) if callable(values) else values
         number = int(chosen.sum())
         try:
-            return chosen, np.broadcast_to(np.asarray(given, float), (number,))
+            numbers = np.broadcast_to(np.asarray(given, float), (number,))
         except (TypeError, ValueError):
             allowed = f"a number, or {number} numbers, or a function that returns them"
             raise InputError(f"values of {name}", given, allowed) from None
+        if not by_id or callable(values):
+            return chosen, numbers
+        ids = p.view("id")[chosen]
+        return chosen, numbers[np.argsort(np.argsort(ids))]

@@ -33,17 +33,17 @@ def run(
     return _run(described, case, directory, **options)
 
 
-def resume(directory: Path, progress: bool) -> int:
+def resume(directory: Path, progress: bool, kind: str | None = None) -> int:
     """Go on with the ensemble of a directory; gives the exit status."""
-    described = Ensemble.read(directory)
+    described = Ensemble.read(directory, kind)
     assert isinstance(described.description, Case)
     processes = EnsembleRun(directory).settings.get("processes")
     return _run(described, described.description, directory, processes, progress=progress)
 
 
-def plot(directory: Path) -> list[Path]:
+def plot(directory: Path, kind: str | None = None) -> list[Path]:
     """Draw the figures of an ensemble again; gives their paths."""
-    case = Ensemble.read(directory).description
+    case = Ensemble.read(directory, kind).description
     assert isinstance(case, Case)
     result = EnsembleRun(directory)
     if not len(result):

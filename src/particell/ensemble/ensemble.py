@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from tqdm import tqdm
 
+from particell import cases
 from particell.cases.base import Case
 from particell.compute.threads import kept_threads
 from particell.ensemble import pool
@@ -31,7 +32,7 @@ from particell.ensemble.jobs import (
 from particell.ensemble.results import ENSEMBLE, FAILURE, EnsembleRun, member
 from particell.errors import InputError, ParticellError
 from particell.observers import stop_requests
-from particell.output.files import plain, prepare_directory, read_json, write_json
+from particell.output.files import plain, prepare_directory, read_json, reason, write_json
 from particell.output.run import OWN_FILES
 
 if TYPE_CHECKING:
@@ -141,19 +142,30 @@ class Ensemble:
             raise InputError("seed", seed, "another one: two realisations would have the same")
 
     @classmethod
-    def read(cls, directory: str | Path) -> Ensemble:
-        """The ensemble of a case that a directory was made from."""
-        from particell.cases import execution
+    def read(cls, directory: str | Path, kind: type[Case] | str | None = None) -> Ensemble:
+        """The ensemble of a case that a directory was made from.
 
+        ``kind`` is the class of a case that is not built in, or its ``"module:Class"``: nothing
+        that a directory names is imported but the program's own cases.
+        """
         found = _read(Path(directory))
         what = found["description"]
-        if "function" in what:
-            allowed = "an ensemble of a case (this one is of a function: call its script again)"
-            raise InputError("directory", str(directory), allowed)
-        kind = execution.case_class(what["case"], what.get("class"))
-        case = kind(**what["parameters"])
-        options = {name: what[name] for name in ("backend", "precision")}
-        return cls(case, found["runs"], found["seed"], threads=found["threads"], **options)
+        try:
+            if "function" in what:
+                allowed = "an ensemble of a case (this one is of a function: call its script again)"
+                raise InputError("directory", str(directory), allowed)
+            described = cases.recorded(str(what["case"]), what.get("class"), kind)
+            parameters = dict(what["parameters"])
+            options = {name: what[name] for name in ("backend", "precision")}
+            threads = found["threads"]
+        except InputError:
+            raise
+        except (LookupError, TypeError, ValueError, AttributeError) as error:
+            allowed = f"one with an ensemble of particell ({type(error).__name__}: {reason(error)})"
+            raise InputError("directory", str(directory), allowed) from None
+        return cls(
+            described(**parameters), found["runs"], found["seed"], threads=threads, **options
+        )
 
     def run(
         self,

@@ -15,6 +15,7 @@ from typing import Any
 import h5py
 import numpy as np
 
+from particell.output.contained import ForeignPart, check_contained
 from particell.output.files import (
     SLACK,
     SLACK_EACH,
@@ -96,10 +97,13 @@ def read_checkpoint(path: str | Path) -> tuple[dict[str, Any], dict[str, Any]]:
     try:
         with h5py.File(path, "r") as file:
             _check_format(path, file)
+            check_contained(file)
             tree = json.loads(file["tree"][()])
             return _decode(tree["state"], file), _decode(tree["meta"], file)
     except CheckpointError:
         raise
+    except ForeignPart as error:
+        raise CheckpointError(f"checkpoint {path} is refused: {error}") from None
     except Exception as error:  # bytes that are anything make HDF5 and JSON say anything
         raise CheckpointError(
             f"checkpoint {path} is damaged or no checkpoint: {reason(error)}"

@@ -149,6 +149,8 @@ def read_json(path: str | Path, key: str) -> Any:
         return json.loads(Path(path).read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise InputError(key, str(path), f"a readable JSON file ({reason(error)})") from None
+    except RecursionError:
+        raise InputError(key, str(path), "nested less deeply") from None
 
 
 def plain(value: Any) -> Any:

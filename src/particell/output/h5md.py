@@ -26,6 +26,7 @@ import numpy as np
 
 from particell.errors import InputError
 from particell.geometry.domain import Domain
+from particell.output.contained import ForeignPart, check_contained
 from particell.output.files import OutputError, reason
 from particell.units import field_unit
 
@@ -135,6 +136,7 @@ def open_trajectory(path: str | Path) -> Iterator[h5py.File]:
         raise InputError("trajectory", str(path), f"an HDF5 file ({reason(error)})") from None
     with file:
         try:
+            check_contained(file)
             if "h5md" not in file or PARTICLES not in file:
                 allowed = f"an H5MD file with a group '{PARTICLES}'"
                 raise InputError("trajectory", str(path), allowed)
@@ -143,6 +145,8 @@ def open_trajectory(path: str | Path) -> Iterator[h5py.File]:
             yield file
         except (InputError, OutputError):
             raise
+        except ForeignPart as error:
+            raise InputError("trajectory", str(path), f"one file with all in it: {error}") from None
         except (OSError, RuntimeError, KeyError) as error:  # an IndexError is the caller's
             raise damaged(path, error) from None
 

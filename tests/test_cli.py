@@ -109,6 +109,9 @@ def test_toml_file(capsys, tmp_path):
     assert summary["parameters"]["particles"]["value"] == 8
     assert summary["parameters"]["side"]["value"] == pytest.approx(3e-5)
     capsys.readouterr()
+    file.write_bytes(b"\xef\xbb\xbf" + file.read_bytes().replace(b"\n", b"\r\n"))  # Windows
+    assert particell("run my.toml --out there") == 0
+    capsys.readouterr()
     file.write_text('case = "walk"\n[parametres]\n')
     fails(capsys, 2, "did you mean 'parameters'", line="run my.toml")
     file.write_text("case = walk")

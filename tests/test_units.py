@@ -76,6 +76,8 @@ def test_a_number_is_never_another_one(text, read):
         read(text)
 
 
-@pytest.mark.parametrize("text", ["5 m / 2", "5 m * 2", "5 / 2 m", "-5 m", "1e-3 m", "1 m^-1 * 2 m^2"])
+@pytest.mark.parametrize(
+    "text", ["5 m / 2", "5 m * 2", "5 / 2 m", "-5 m", "1e-3 m", "1 m^-1 * 2 m^2"]
+)
 def test_numbers_with_an_operator_between_them(text):
     assert parse("x", text, "m") == pytest.approx(quantity(text).magnitude)

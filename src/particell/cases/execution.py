@@ -134,9 +134,7 @@ def replot(directory: str | Path, kind: type[Case] | str | None = None) -> list[
     return case.figures(Run(directory), directory)
 
 
-def read_case(
-    directory: str | Path, kind: type[Case] | str | None = None
-) -> tuple[Case, Context]:
+def read_case(directory: str | Path, kind: type[Case] | str | None = None) -> tuple[Case, Context]:
     """The case that a directory was made from, and how it was run.
 
     Parameters
@@ -180,7 +178,7 @@ def read_case_file(path: str | Path) -> tuple[type[Case], dict[str, Any]]:
     """
     try:
         with open(path, "rb") as handle:
-            content = tomllib.load(handle)
+            content = tomllib.loads(handle.read().decode("utf-8-sig"))  # editors mark UTF-8
     except OSError as error:
         raise InputError("case file", str(path), f"a readable file ({reason(error)})") from None
     except RecursionError:

@@ -1,6 +1,6 @@
 """What a GPU makes of Particell's loops: agreement with the CPU, speed beside memory bandwidth.
 
-    python benchmarks/gpu.py [--seconds 240] [--json benchmarks/gpu.json]
+    python benchmarks/gpu.py [--only agreement|speed] [--seconds 240] [--json benchmarks/gpu.json]
 
 Needs a CUDA GPU and the extra 'cuda'. First small systems of every kind are advanced on both
 devices and compared, field by field. Then a Taylor–Green vortex is timed, in 2D and 3D, in float64
@@ -110,15 +110,8 @@ def measured(dim: int, n: int, noise: bool, precision: str) -> dict[str, float |
     return row
 
 
-def main() -> None:
-    """Compare, measure, print."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seconds", type=float, default=240)
-    parser.add_argument("--json")
-    options = parser.parse_args()
-    begin = time.perf_counter()
-    name = cuda.get_current_device().name
-    found: dict = {"device": name.decode() if isinstance(name, bytes) else name, "agreement": {}}
+def agreement() -> dict[str, dict[str, float | str]]:
+    """The field of each small system that differs most between the devices, and by how much."""
     systems: dict[str, tuple[Callable[[Device], pc.Simulation], int]] = {
         "SDPD 2D": (lambda d: flow(2, 20, False, d), 5),
         "SDPD 2D noise": (lambda d: flow(2, 20, True, d), 5),
@@ -126,22 +119,26 @@ def main() -> None:
         "SDPD 3D noise": (lambda d: flow(3, 10, True, d), 5),
         "transport velocity, walls, species": (channel, 5),
     }
+    found: dict[str, dict[str, float | str]] = {}
     for label, (make, steps) in systems.items():
         gaps = differences(make, steps)
         worst = max(gaps, key=lambda k: gaps[k])
-        found["agreement"][label] = {"field": worst, "difference": gaps[worst]}
+        found[label] = {"field": worst, "difference": gaps[worst]}
         print(f"{label:<36} differs by at most {gaps[worst]:.1e} ('{worst}')", flush=True)
-    found["bandwidth"] = bandwidth()
-    print(f"{found['device']}: copies move {found['bandwidth'] / 1e12:.2f} TB/s", flush=True)
-    found["speed"] = []
+    return found
+
+
+def speeds(seconds: float) -> list[dict[str, float | str | int]]:
+    """Rows of :func:`measured`, small systems first, until the time is up."""
+    begin, found = time.perf_counter(), []
     for k in range(max(map(len, SIZES.values()))):
         for dim, sizes in SIZES.items():
             for noise in (False, True):
                 for precision in ("float64", "float32"):
-                    if k >= len(sizes) or time.perf_counter() - begin > options.seconds:
+                    if k >= len(sizes) or time.perf_counter() - begin > seconds:
                         continue
                     row = measured(dim, sizes[k], noise, precision)
-                    found["speed"].append(row)
+                    found.append(row)
                     print(
                         f"{row['system']:<12} {row['precision']} {row['particles']:>9}: "
                         + ", ".join(
@@ -150,6 +147,24 @@ def main() -> None:
                         + f", {row['builds a step']:.2f} lists a step",
                         flush=True,
                     )
+    return found
+
+
+def main() -> None:
+    """Compare, measure, print."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--only", choices=["agreement", "speed"])
+    parser.add_argument("--seconds", type=float, default=240)
+    parser.add_argument("--json")
+    options = parser.parse_args()
+    name = cuda.get_current_device().name
+    found: dict = {"device": name.decode() if isinstance(name, bytes) else name}
+    if options.only != "speed":
+        found["agreement"] = agreement()
+    if options.only != "agreement":
+        found["bandwidth"] = bandwidth()
+        print(f"{found['device']}: copies move {found['bandwidth'] / 1e12:.2f} TB/s", flush=True)
+        found["speed"] = speeds(options.seconds)
     if options.json:
         with open(options.json, "w") as file:
             json.dump(found, file, indent=1)

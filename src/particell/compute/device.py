@@ -6,6 +6,7 @@ The CPU's arrays are NumPy's; on a GPU they are device arrays. The rest of the p
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -143,3 +144,5 @@ def _require_cuda() -> None:
         raise InputError("backend", "cuda", "'cpu' (numba-cuda is missing: extra 'cuda')") from None
     if not cuda.is_available():
         raise InputError("backend", "cuda", "'cpu' (no CUDA GPU was found on this machine)")
+    # of every launch of a loop over few particles
+    warnings.filterwarnings("ignore", message=".*Grid size .* low occupancy")

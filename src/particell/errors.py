@@ -72,6 +72,10 @@ class RunError(ParticellError, RuntimeError):
         )
 
 
+class LawWarning(UserWarning):
+    """A law of the input is wrong in a way that a run can live with: said in one line, once."""
+
+
 class Interrupted(ParticellError):  # noqa: N818 - the user's wish, not an error
     """The user stopped the run (Ctrl-C); its state is in the checkpoint.
 

@@ -8,14 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from particell.chemistry import fluxes, jumps, massaction, reservoirs, ssa
+from particell.chemistry import fluxes, hybrid, jumps, massaction, reservoirs, ssa
 from particell.chemistry.contents import Contents
+from particell.chemistry.integrators import MOST_SUBSTEPS
 from particell.chemistry.network import Boundaries, build_tables, dispatcher
 from particell.chemistry.reactions import Reaction
+from particell.chemistry.remarks import Remarks
 from particell.chemistry.reservoirs import HELD, WALL_FLUX, WALL_VALUE, FluxWall
 from particell.chemistry.species import Species, checked_rate
 from particell.chemistry.storage import (
     average,
+    joint_fields,
     prepare,
     remember,
     scratch_fields,
@@ -153,6 +156,9 @@ class Chemistry(Contents):
         self._exchanging = bool(
             len(self.deterministic.diffusing) or self._jump_tables or self._areas
         )
+        self._together = hybrid.couples(*tables)
+        self._joint = joint_fields(device, tables, self._amounts) if self._together else {}
+        self._remarks = Remarks(device, tables, (self._amounts, self._counts))
         self._laws = {
             "C, k": dispatcher(self.deterministic.laws, "C, k"),
             "N, V, k": dispatcher(self.stochastic.laws, "N, V, k"),
@@ -304,16 +310,23 @@ class Chemistry(Contents):
     def _react(self, step: int, tau: float, part: int) -> None:
         """All reactions; ``part`` tells apart the random numbers of the parts of a step."""
         n, f = self.particles.n, self._fields
-        if self.deterministic.reactions:
-            lanes = len(f["work"])
+        lanes = len(f["work"])
+        if self._together:
+            self._react_together(lanes, n, tau, step, part)
+        elif self.deterministic.reactions:
             self._react_amounts(lanes, n, tau)
+        if self._together or self.deterministic.reactions:
             substeps = self.device.to_host(f["substeps"])
             self.substeps = int(substeps.max())
             if substeps.min() < 0:
                 row = -1 - int(substeps[substeps < 0][0])
-                self._fail("rates of reactions overflow, or are not finite", "amount", row, step)
+                what = "rates of reactions overflow, or are not finite"
+                if row >= n:
+                    what = f"more than {MOST_SUBSTEPS:.3g} sub-steps of reactions in one step"
+                self._fail(what, "amount", row % n, step)
         if self.stochastic.reactions:
-            self._react_counts(n, tau, step, part)
+            if not self._together:
+                self._react_counts(n, tau, step, part)
             counter = f["event_counter"]
             self.events += int(self.device.to_host(counter)[:, 0].sum())
             self.device.write(counter, f["zero_counters"])
@@ -324,8 +337,10 @@ class Chemistry(Contents):
                 if failed[row] == 2:
                     what = f"more than {f['most_events']:.3g} reactions in one step"
                 self._fail(what, "count", row, step)
+        self._remarks.look()
 
     def _fail(self, message: str, field: str, row: int, step: int) -> None:
+        message += self._remarks.not_finite()
         particle = int(self.particles.host("id")[row])
         raise RunError(message, step=step, time=self._time, field=field, particle=particle)
 
@@ -375,16 +390,15 @@ class Chemistry(Contents):
 
     def _bind_reactions(self, amounts: dict[str, Any], counts: dict[str, Any]) -> None:
         bind = self.device.bind
-        law = {"LAW": self._laws["C, k"]}
-        if self.deterministic.reactions:
-            self._react_amounts = bind(massaction.react, amounts, **law, **self._switch)
-        law = {"LAW": self._laws["N, V, k"]}
-        mixed = {"MIXED": bool(self._switching or self.stochastic.net_amount.any())}
-        # a concentration may take part without being changed
-        mixed["MIXED"] |= bool((self.stochastic.reactants >= len(self.stochastic.names)).any())
-        self._react_counts = bind(
-            ssa.react, self._with_key(counts, REACTION), **law, **mixed, **self._switch
-        )
+        law, rate_law = {"LAW": self._laws["N, V, k"]}, self._laws["C, k"]
+        reacting = self._with_key(counts, REACTION)
+        if self._together:
+            both = {**law, "RATE_LAW": rate_law, **self._switch}
+            self._react_together = bind(hybrid.react, {**reacting, **self._joint}, **both)
+        else:
+            self._react_counts = bind(ssa.react, reacting, **law)
+            if self.deterministic.reactions:
+                self._react_amounts = bind(massaction.react, amounts, LAW=rate_law, **self._switch)
         self._switch_kind = bind(switch_kind, self._with_key(counts, ROUNDING))
         self._thresholds = []
         for s in self._switching:

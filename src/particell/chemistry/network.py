@@ -73,6 +73,8 @@ class Tables:
         may be amounts.
     net_amount
         int64 (R, A), of molecules: change of each concentration, in molecules.
+    labels
+        The reactions as they were written, for messages.
     """
 
     names: list[str]
@@ -94,6 +96,7 @@ class Tables:
     takes_part: np.ndarray
     shared: np.ndarray
     net_amount: np.ndarray
+    labels: list[str]
 
     @property
     def switching(self) -> np.ndarray:
@@ -270,6 +273,7 @@ def _tables(
         takes_part=np.zeros((count, len(names)), np.uint8),
         shared=np.zeros(count, np.uint8),
         net_amount=np.zeros((count, len(other.names) if other else 0), np.int64),
+        labels=[r.label for r, _ in directions],
     )
     if other is not None:
         for s, each in enumerate(species):

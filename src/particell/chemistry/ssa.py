@@ -6,13 +6,10 @@ independent of all others: a parallel loop, with no approximation. With the prop
 exponential with the rate :math:`\sum_r a_r`, and it is reaction r with probability
 :math:`a_r/\sum a`.
 
-**Molecules and concentrations together.** A reaction of both kinds is a sequence of such events
-too. A species that is an amount n (mol per depth) counts as :math:`X = n\,depth\,𝒩` molecules in
-the propensity, without falling factorials; an event takes and makes whole molecules' worth of it,
-1/(depth 𝒩) mol each, and so the sum over both kinds is kept to round-off. An event that would
-take more than is there cannot happen: what is left of less than one molecule's worth stays until
-diffusion or reactions have brought more. So an amount is never negative, and the mean is that of
-the deterministic law where X is large.
+An event that would take more molecules than there are cannot happen. With mass action its
+propensity vanishes by itself; one that a user gives counts as zero there, and where it is negative.
+Both are noted, as such a law is wrong. Where concentrations take part too the loop is that of
+:mod:`particell.chemistry.hybrid`.
 
 References
 ----------
@@ -27,81 +24,62 @@ import numpy as np
 from numba import njit
 
 from particell.chemistry.binomial import two_uniforms
+from particell.chemistry.massaction import NEGATIVE, NOT_FINITE, TAKES_TOO_MUCH
 from particell.compute.loop import particle_loop
 from particell.compute.scatter import scatter_add
 from particell.materials import AVOGADRO
 
 
 @njit(error_model="numpy")
-def amount_column(slot, i, molecules, partner, continuous, SWITCH):
-    """Column of ``amount`` that a species' number in the tables stands for; -1 for molecules."""
-    if slot >= molecules:
-        return slot - molecules
-    if SWITCH and partner[slot] >= 0 and continuous[i, slot] != 0:
-        return partner[slot]
-    return -1
-
-
-@njit(error_model="numpy")
 def propensity(
     r,
     count,
-    amount,
     i,
     volume,
-    quantum,
     k,
     reactants,
     repeats,
     net,
-    net_amount,
     volume_power,
     law,
     partner,
     continuous,
-    takes_part,
-    shared,
+    found,
     choose,
-    MIXED,
     SWITCH,
 ):
-    """Events per second of reaction r: k (V 𝒩)^(1-order) times the falling factorials."""
+    """Events per second of reaction r: k (V 𝒩)^(1-order) times the falling factorials.
+
+    A factor that is an amount counts as V 𝒩, by which its concentration is to be multiplied.
+    """
+    molecules = net.shape[1]
     if choose is not None:  # noqa: SIM102 - decided at compile time
         if law[r] > 0:
             given = choose(law[r] - 1, count[i], volume, k)
-            return 0.0 if given < 0.0 else given  # max() would make a 0 of a NaN
-    molecules = net.shape[1]
+            if given > 0.0:
+                for s in range(molecules):
+                    if count[i, s] + net[r, s] < 0:
+                        found[r] |= TAKES_TOO_MUCH
+                        return 0.0
+            elif given < 0.0:
+                found[r] |= NEGATIVE
+                return 0.0
+            return given  # a NaN too
     a = k
+    scale = volume * AVOGADRO
     for f in range(reactants.shape[1]):
         s = reactants[r, f]
         if s >= 0:
-            if MIXED:
-                column = amount_column(s, i, molecules, partner, continuous, SWITCH)
-                if column >= 0:
-                    a *= amount[i, column] / quantum
-                    continue
-            a *= max(0, count[i, s] - repeats[r, f])
+            amount = s >= molecules
+            if SWITCH and not amount:
+                amount = partner[s] >= 0 and continuous[i, s] != 0
+            a *= scale if amount else max(0, count[i, s] - repeats[r, f])
     powers = volume_power[r]
-    scale = volume * AVOGADRO
     if powers == 1:
         a *= scale
     while powers < 0:
         a /= scale
         powers += 1
-    if MIXED:
-        for s in range(net_amount.shape[1]):
-            if net_amount[r, s] < 0 and amount[i, s] < -net_amount[r, s] * quantum:
-                a = 0.0
-        if SWITCH:
-            discrete = shared[r] == 0
-            for s in range(molecules):
-                if takes_part[r, s] != 0 and partner[s] >= 0:
-                    if continuous[i, s] == 0:
-                        discrete = True
-                    elif net[r, s] < 0 and amount[i, partner[s]] < -net[r, s] * quantum:
-                        a = 0.0
-            if not discrete:  # all its species are amounts here
-                a = 0.0
     return a
 
 
@@ -117,35 +95,30 @@ def react(
     group,
     volume,
     depth,
-    quantum,
     rate,
     reactants,
     repeats,
     net,
-    net_amount,
     volume_power,
     law,
     partner,
     continuous,
-    takes_part,
-    shared,
+    found,
     count,
-    amount,
     event_counter,
     most_events,
     failed,
     broken,
     *,
     LAW,
-    MIXED,
-    SWITCH,
 ):
     """Reactions of the molecules of particle i during tau; counts the events.
 
     ``LAW(m, N, V, k)`` is the m-th user-given propensity; None where there is none. ``part`` tells
-    apart the parts of one step. ``quantum`` is one molecule in mol per depth. ``failed[i]`` is set
-    to 1 where the propensities are not finite, to 2 after ``most_events`` events: with either the
-    loop would not end. ``broken[0]`` then lets all particles stop; nothing else depends on it.
+    apart the parts of one step. ``failed[i]`` is set to 1 where the propensities are not finite,
+    to 2 after ``most_events`` events: with either the loop would not end. ``broken[0]`` then lets
+    all particles stop; nothing else depends on it. ``found[r]`` notes what is wrong with the law of
+    reaction r.
     """
     if broken[0] != 0:
         return
@@ -170,25 +143,22 @@ def react(
                     a = propensity(
                         r,
                         count,
-                        amount,
                         i,
                         space,
-                        quantum,
                         k,
                         reactants,
                         repeats,
                         net,
-                        net_amount,
                         volume_power,
                         law,
                         partner,
                         continuous,
-                        takes_part,
-                        shared,
+                        found,
                         LAW,
-                        MIXED,
-                        SWITCH,
+                        False,
                     )
+                    if not a < math.inf:
+                        found[r] |= NOT_FINITE
                     if sweep == 0:
                         total += a
                     else:
@@ -210,13 +180,7 @@ def react(
                         target = v * total
         if running:
             for s in range(net.shape[1]):
-                if SWITCH and partner[s] >= 0 and continuous[i, s] != 0:
-                    amount[i, max(partner[s], 0)] += net[chosen, s] * quantum
-                else:
-                    count[i, s] += net[chosen, s]
-            if MIXED:
-                for s in range(net_amount.shape[1]):
-                    amount[i, s] += net_amount[chosen, s] * quantum
+                count[i, s] += net[chosen, s]
             events += 1
     if events >= most_events:
         failed[i] = 2

@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 
 from particell.chemistry import massaction
+from particell.chemistry.hybrid import couples, joint_tables
+from particell.chemistry.integrators import work_columns
 from particell.chemistry.network import Tables
 from particell.chemistry.reservoirs import WALL_FLUX, WALL_VALUE
 from particell.compute.device import Device
@@ -81,11 +83,15 @@ def scratch_fields(
         "no_continuous": zeros((1, 1), np.uint8),
         "zero_counters": np.zeros((threads, COUNTERS), np.int64),
     }
-    if deterministic.reactions:
+    lanes, length = 1, 1
+    if couples(deterministic, stochastic):
+        rows = deterministic.reactions + stochastic.reactions
+        lanes, length = min(massaction.LANES, n), work_columns(columns + 1, rows)
+    elif deterministic.reactions:
         lanes = min(massaction.LANES, n)
-        length = massaction.work_columns(columns, deterministic.reactions)
-        fields["work"] = zeros((lanes, length), np.float64)
-        fields["substeps"] = zeros(lanes, np.int64)
+        length = work_columns(columns, deterministic.reactions)
+    fields["work"] = zeros((lanes, length), np.float64)
+    fields["substeps"] = zeros(lanes, np.int64)
     dim = particles.dim
     shapes: dict[str, Any] = {"wall_normal": (1, dim), "wall_depth": 1, "wall_curvature": 1}
     for name, shape in shapes.items():
@@ -126,7 +132,17 @@ def table_fields(device: Device, tables: Tables, receives: np.ndarray) -> dict[s
         "rate": array(tables.rate),
         "volume_power": array(tables.volume_power),
         "law": array(tables.law),
+        "found": array(np.zeros(tables.reactions, np.uint8)),
     }
+
+
+def joint_fields(
+    device: Device, tables: tuple[Tables, Tables], amounts: dict[str, Any]
+) -> dict[str, Any]:
+    """What reactions of molecules and concentrations together need beside the tables of both."""
+    joint = {name: device.array(values) for name, values in joint_tables(*tables).items()}
+    names = ("rate", "takes_part", "found")
+    return joint | {f"{name}_amounts": amounts[name] for name in names}
 
 
 def shared_jump_tables(

@@ -1,0 +1,428 @@
+r"""Rate equations of one well-mixed particle: steps, their errors, and where to stop.
+
+.. math:: \frac{dC_s}{dt} = \sum_r \nu_{rs}\, r_r(C), \qquad r_r = k_r \prod C^{\text{order}},
+
+or a user-given rate law. The kinetics may be stiff and must not limit the flow's step: every
+particle integrates its own equations, with an estimated error of each sub-step below
+
+.. math:: 10^{-6}\,C_s + 10^{-9}\,\max_t C_s,
+
+the largest value that *this species* had in the particle during the step: what else is there does
+not matter. Sub-steps are explicit, of Dormand & Prince's pair (fifth order, error by the fourth),
+with the whole time tried first; where a step lies outside of the pair's stability region (estimated
+as Hairer & Wanner do, from the two stages at its end) it is not accepted, and where many would be
+needed for stability the Rosenbrock method RODAS3 (four stages, third order, L-stable, an embedded
+second-order solution) goes on. Its Jacobian is exact for mass action and by differences for
+user-given laws; either way stoichiometric invariants are kept to round-off.
+
+**What runs out.** A sub-step that would make a concentration negative is halved. A user-given law
+that does not vanish where what it consumes runs out is multiplied by :math:`C/(C+\epsilon)`, with
+:math:`\epsilon` 10⁻²⁴ of the largest concentration: what is consumed falls to zero at the place
+where the law brings it there and stays, or is used up as fast as it comes.
+
+**Components beyond the species.** One more component may follow the species, on which nothing
+depends: the integral of the propensities of :mod:`particell.chemistry.hybrid`. Integration stops
+where it reaches its target.
+
+References
+----------
+Dormand & Prince, J. Comput. Appl. Math. 6 (1980) 19; Sandu, Verwer, Blom, Spee, Carmichael & Potra,
+Atmos. Environ. 31 (1997) 3459 (RODAS3); Hairer & Wanner, Solving Ordinary Differential Equations II
+(1996), IV.2 and IV.7.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+RELATIVE_TOLERANCE = 1e-6
+#: Absolute tolerance in units of the largest value that the species had during the step.
+ABSOLUTE_TOLERANCE = 1e-9
+#: Below this part of the particle's largest concentration nothing is resolved; in mol/m³ below
+#: :data:`NOTHING`.
+UNRESOLVED = 1e-20
+NOTHING = 1e-100
+#: Where rate laws that do not vanish by themselves do so, in units of the largest concentration.
+EDGE = 1e-24
+#: Negative concentrations down to this part of the species' largest are round-off, and set to zero.
+ROUND_OFF = 1e-15
+#: Error of sums of rates that cancel, in units of their sizes.
+CANCELLATION = 1e-14
+#: Largest step times rate that the explicit pair is stable for.
+STABLE = 3.3
+#: Explicit steps that stability may ask for in a row; beyond it the implicit method goes on.
+MOST_EXPLICIT = 60
+MOST_SUBSTEPS = 1_000_000
+#: A stop is found to this accuracy: of the integral of propensities, or relative of a level.
+STOP_ACCURACY = 1e-7
+#: Dormand & Prince's pair: row m makes the argument of stage m + 2, the last one the new value.
+STAGES = np.array(
+    [
+        [1 / 5, 0, 0, 0, 0, 0],
+        [3 / 40, 9 / 40, 0, 0, 0, 0],
+        [44 / 45, -56 / 15, 32 / 9, 0, 0, 0],
+        [19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729, 0, 0],
+        [9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656, 0],
+        [35 / 384, 0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84],
+    ]
+)
+#: New value minus that of the embedded fourth order.
+ERROR = np.array(
+    [71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40],
+)
+#: These functions are called from compiled code only: no wrappers for Python need compiling.
+INNER: Any = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+
+
+def work_columns(components: int, reactions: int) -> int:
+    """Length of a lane's row of scratch memory.
+
+    With n components: the values, seven stages (of which RODAS3 uses four, then the argument of its
+    rates, the pivots and a copy of the first stage), the explicit pair's argument or RODAS3's
+    matrix (n²), one rate constant for each reaction (0 where it does not take place), and for each
+    component the largest value so far, the level to stop at (infinite for none), the sum of the
+    sizes of what changes it, and the round-off of a step.
+    """
+    return components**2 + 12 * components + reactions
+
+
+@njit(**INNER)
+def law_value(r, w, at, n, k, law, choose):
+    """The user-given rate of reaction r as it stands; 0 where it has none."""
+    if choose is not None:  # noqa: SIM102 - decided at compile time
+        if law[r] > 0:
+            return choose(law[r] - 1, w[at : at + n], k)
+    return 0.0
+
+
+@njit(**INNER)
+def reaction_rate(r, w, at, n, k, edge, reactants, net, law, choose):
+    """Rate of reaction r in mol/m³/s, of the concentrations of n species from ``w[at]`` on."""
+    if choose is not None:  # noqa: SIM102 - decided at compile time
+        if law[r] > 0:
+            rate = choose(law[r] - 1, w[at : at + n], k)
+            for s in range(n):
+                if net[r, s] * rate < 0.0:
+                    c = w[at + s]
+                    rate *= c / (c + edge) if c > 0.0 else 0.0
+            return rate
+    rate = k
+    for f in range(reactants.shape[1]):
+        if reactants[r, f] >= 0:
+            rate *= w[at + reactants[r, f]]
+    return rate
+
+
+@njit(**INNER)
+def rate_slope(r, s, w, n, k, edge, step, reactants, net, law, choose):
+    """Derivative of the rate of reaction r with respect to species s at ``w[0:n]``.
+
+    ``step`` is the difference that user-given laws are evaluated over.
+    """
+    if choose is not None:  # noqa: SIM102 - decided at compile time
+        if law[r] > 0:
+            kept = w[s]
+            low = choose(law[r] - 1, w[0:n], k)
+            w[s] = kept + step
+            high = choose(law[r] - 1, w[0:n], k)
+            w[s] = kept
+            slope = (high - low) / (kept + step - kept)
+            for other in range(n):
+                if net[r, other] * low < 0.0:
+                    c = w[other]
+                    part = c / (c + edge) if c > 0.0 else 0.0
+                    slope *= part
+                    if other == s:
+                        slope += low * edge / ((c + edge) * (c + edge))
+                    low *= part
+            return slope
+    slope = 0.0
+    for f in range(reactants.shape[1]):
+        if reactants[r, f] == s:
+            product = k
+            for other in range(reactants.shape[1]):
+                if other != f and reactants[r, other] >= 0:
+                    product *= w[reactants[r, other]]
+            slope += product
+    return slope
+
+
+@njit(**INNER)
+def derivatives(w, at, out, gross, n, species, edge, reactants, net, law, choose):
+    """The components' rates of change at ``w[at:at+species]``, to ``w[out:out+n]``.
+
+    With ``gross >= 0`` the sums of the sizes of what changes them too, to ``w[gross:gross+n]``.
+    """
+    rates = 8 * n + n * n
+    for s in range(n):
+        w[out + s] = 0.0
+        if gross >= 0:
+            w[gross + s] = 0.0
+    for r in range(len(net)):
+        k = w[rates + r]
+        if k > 0.0:
+            rate = reaction_rate(r, w, at, species, k, edge, reactants, net, law, choose)
+            for s in range(n):
+                w[out + s] += net[r, s] * rate
+                if gross >= 0:
+                    w[gross + s] += abs(net[r, s] * rate)
+
+
+@njit(**INNER)
+def tolerance(now, new, largest, size):
+    """Error that a component may have after a sub-step."""
+    relative = RELATIVE_TOLERANCE * max(now, abs(new)) + ABSOLUTE_TOLERANCE * largest
+    return relative + UNRESOLVED * size + NOTHING
+
+
+@njit(**INNER)
+def explicit_step(w, n, species, h, size, reactants, net, law, choose):
+    """One explicit step of h: its error in units of what is allowed, and h times the fastest rate.
+
+    The rates of change at its beginning are known; the new values are left where the argument is.
+    """
+    argument = 8 * n
+    largest = argument + n * n + len(net)
+    gross = largest + 2 * n
+    edge = EDGE * size
+    for stage in range(6):
+        for s in range(n):
+            value = 0.0
+            for earlier in range(stage + 1):
+                value += STAGES[stage, earlier] * w[(earlier + 1) * n + s]
+            w[argument + s] = w[s] + h * value
+        out = (stage + 2) * n
+        derivatives(w, argument, out, -1, n, species, edge, reactants, net, law, choose)
+    worst = 0.0
+    turned = 0.0  # Hairer & Wanner: the fastest rate is |f(new) - f(g)|/|new - g| of stage 6's g
+    moved = 0.0
+    for s in range(n):
+        new = w[argument + s]
+        error = 0.0
+        way = 0.0
+        for stage in range(7):
+            error += ERROR[stage] * w[(stage + 1) * n + s]
+            if stage < 6:
+                before = STAGES[4, stage] if stage < 5 else 0.0
+                way += (STAGES[5, stage] - before) * w[(stage + 1) * n + s]
+        allowed = tolerance(w[s], new, w[largest + s], size) + CANCELLATION * h * w[gross + s]
+        if s < species:
+            turned += ((w[7 * n + s] - w[6 * n + s]) / allowed) ** 2
+            moved += (way / allowed) ** 2
+        worst = max(worst, abs(h * error) / allowed)
+        if not new >= -ROUND_OFF * w[largest + s] - CANCELLATION * h * w[gross + s]:
+            worst = math.inf  # a NaN too
+    # where nothing moves by more than round-off there is nothing to judge by
+    speed = 0.0
+    if h * math.sqrt(moved) > CANCELLATION / RELATIVE_TOLERANCE or not moved >= 0.0:
+        speed = math.sqrt(turned / moved)
+    return worst, speed
+
+
+@njit(**INNER)
+def implicit_step(w, n, species, h, size, reactants, net, law, choose):
+    """One step of h of RODAS3: its error in units of what is allowed.
+
+    The rates of change at its beginning are known; the new values are left at ``w[5 * n]``.
+
+    One function without repetitions, as Numba compiles every function and every call of it anew:
+    the stages share one text.
+    """
+    argument, pivots, matrix = 5 * n, 6 * n, 8 * n
+    rates = matrix + n * n
+    largest = rates + len(net)
+    gross, noise = largest + 2 * n, largest + 3 * n
+    edge = EDGE * size
+    # 2/h - J (RODAS3 has γ = 1/2) and its LU factors, with row exchanges, in place
+    for k in range(n * n):
+        w[matrix + k] = 0.0
+    for s in range(n):
+        w[7 * n + s] = w[n + s]
+        w[matrix + s * n + s] = 2.0 / h
+    for r in range(len(net)):
+        k = w[rates + r]
+        if k > 0.0:
+            for s in range(species):
+                # user-given laws feel differences of what a step changes, or of what there is
+                step = 1e-7 * max(w[s], h * abs(w[n + s])) + UNRESOLVED * size + NOTHING
+                slope = rate_slope(r, s, w, species, k, edge, step, reactants, net, law, choose)
+                for row in range(n):
+                    w[matrix + row * n + s] -= net[r, row] * slope
+    for s in range(n):
+        w[noise + s] = CANCELLATION * 2.0 * w[gross + s] / abs(w[matrix + s * n + s])
+    for k in range(n):
+        best = k
+        diagonal = matrix + k * n
+        for row in range(k + 1, n):
+            if abs(w[matrix + row * n + k]) > abs(w[matrix + best * n + k]):
+                best = row
+        w[pivots + k] = best
+        for col in range(n):
+            kept = w[diagonal + col]
+            w[diagonal + col] = w[matrix + best * n + col]
+            w[matrix + best * n + col] = kept
+        for row in range(k + 1, n):
+            factor = w[matrix + row * n + k] / w[diagonal + k]
+            w[matrix + row * n + k] = factor
+            for col in range(k + 1, n):
+                w[matrix + row * n + col] -= factor * w[diagonal + col]
+    for stage in range(4):
+        u = (stage + 1) * n
+        if stage < 2:  # at the same place
+            for s in range(n):
+                w[u + s] = w[7 * n + s]
+        else:
+            for s in range(n):
+                w[argument + s] = w[s] + 2.0 * w[n + s]
+                if stage == 3:
+                    w[argument + s] += w[3 * n + s]
+            derivatives(w, argument, u, -1, n, species, edge, reactants, net, law, choose)
+        for s in range(n):
+            earlier = 4.0 * w[n + s] if stage == 1 else 0.0
+            if stage >= 2:
+                earlier = w[n + s] - w[2 * n + s]
+            if stage == 3:
+                earlier -= 8.0 / 3.0 * w[3 * n + s]
+            w[u + s] += earlier / h
+        for k in range(n):
+            best = u + int(w[pivots + k])
+            kept = w[u + k]
+            w[u + k] = w[best]
+            w[best] = kept
+        for k in range(n):
+            for row in range(k + 1, n):
+                w[u + row] -= w[matrix + row * n + k] * w[u + k]
+        for back in range(n):
+            k = n - 1 - back
+            w[u + k] /= w[matrix + k * n + k]
+            for row in range(k):
+                w[u + row] -= w[matrix + row * n + k] * w[u + k]
+    worst = 0.0
+    for s in range(n):
+        new = w[argument + s] + w[4 * n + s]
+        w[argument + s] = new
+        w[n + s] = w[7 * n + s]
+        allowed = tolerance(w[s], new, w[largest + s], size) + w[noise + s]
+        worst = max(worst, abs(w[4 * n + s]) / allowed)
+        if not new >= -ROUND_OFF * w[largest + s] - w[noise + s]:
+            worst = math.inf
+    return worst
+
+
+@njit(**INNER)
+def excess(w, at, n, species, target, levels):
+    """How far the values at ``w[at]`` are beyond the target or a level; negative before them."""
+    beyond = w[at + species] - target if n > species else -1.0
+    for s in range(species):
+        if w[levels + s] < math.inf:
+            beyond = max(beyond, w[at + s] / w[levels + s] - 1.0)
+    return beyond
+
+
+@njit(**INNER)
+def advance(w, n, species, left, h, target, reactants, net, law, choose):
+    """Integrate the lane's values until the time ``left`` is used up, or to where to stop.
+
+    That is where the component after the species (there is one if ``n > species``) reaches
+    ``target``, or a species the level it has in the scratch memory. ``h`` is the step to try first.
+
+    Returns
+    -------
+    tuple
+        What is left of the time, the step to try next, and the number of sub-steps: negative where
+        it did not succeed, -1 for rates that are not finite, -2 for too many sub-steps.
+    """
+    rates = 8 * n + n * n
+    largest = rates + len(net)
+    levels, gross = largest + n, largest + 2 * n
+    steps = 0
+    stiff = False
+    fresh = False  # whether the rates of change are known
+    searching = False  # for the step that ends where to stop, between low and high
+    size, trial, wait, begin = 0.0, 0.0, 0.0, 0.0
+    low, high, low_excess, high_excess = 0.0, 0.0, 0.0, 0.0
+    side, tries = 0, 0
+    going = left > 0.0
+    while going:
+        if not fresh:
+            fresh = True
+            size, fastest = 0.0, 0.0
+            for s in range(species):
+                size = max(size, w[s])
+            derivatives(w, 0, n, gross, n, species, EDGE * size, reactants, net, law, choose)
+            for s in range(n):
+                if not abs(w[n + s]) < math.inf:
+                    return left, h, -1
+                if s < species:
+                    fastest = max(fastest, abs(w[n + s]))
+            wait = math.inf
+            if n > species:
+                if w[n + species] > 0.0:
+                    wait = max(0.0, target - w[species]) / w[n + species]
+            if fastest == 0.0:  # then the propensities are constant as well
+                if wait <= left:
+                    w[species] = target
+                    return left - wait, h, steps
+                if n > species:
+                    w[species] += left * w[n + species]
+                return 0.0, h, steps
+            if size == 0.0:
+                size = fastest * left
+            begin = excess(w, 0, n, species, target, levels)
+            trial = min(h, left, wait)
+        if steps == MOST_SUBSTEPS:
+            return left, h, -2
+        steps += 1
+        argument = 5 * n
+        if stiff:
+            error = implicit_step(w, n, species, trial, size, reactants, net, law, choose)
+            power = -1.0 / 3.0
+        else:
+            argument = 8 * n
+            error, speed = explicit_step(w, n, species, trial, size, reactants, net, law, choose)
+            power = -0.2
+            limit = min(left, wait)
+            if not speed * limit <= STABLE * MOST_EXPLICIT * trial:
+                stiff = True
+                searching = False
+                trial = limit
+                h = left
+                continue
+            if not speed <= STABLE:
+                error = max(error, 32.0)
+        if not searching and not error <= 1.0:
+            trial *= max(0.1, 0.9 * error**power) if error < math.inf else 0.5
+            h = trial
+            continue
+        over = excess(w, argument, n, species, target, levels)
+        if abs(over) > STOP_ACCURACY and (searching or over > 0.0) and tries < 60:
+            if not searching:
+                searching = True
+                tries, side = 0, 0
+                low, low_excess = 0.0, begin
+                high, high_excess = trial, over
+            elif over > 0.0:  # the Illinois rule: an end that stays counts half
+                high, high_excess = trial, over
+                low_excess *= 0.5 if side > 0 else 1.0
+                side = 1
+            else:
+                low, low_excess = trial, over
+                high_excess *= 0.5 if side < 0 else 1.0
+                side = -1
+            tries += 1
+            trial = high - high_excess * (high - low) / (high_excess - low_excess)
+            continue
+        for s in range(n):
+            w[s] = max(w[argument + s], 0.0)
+            w[largest + s] = max(w[largest + s], w[s])
+        left = 0.0 if trial >= left else left - trial
+        if not searching:
+            grown = trial * min(6.0, 0.9 * max(error, 1e-6) ** power)
+            h = max(h, grown) if trial < h else grown
+        searching, fresh, tries = False, False, 0
+        going = left > 0.0 and over < -STOP_ACCURACY
+    return left, h, steps

@@ -206,9 +206,9 @@ def react(
 ):
     """Reactions of both kinds during tau in the particles of a lane, one after the other.
 
-    ``RATE_LAW`` and ``LAW`` choose user-given laws as in :func:`particell.chemistry.massaction.react`
-    and :func:`particell.chemistry.ssa.react`, whose ``substeps``, ``failed``, ``broken`` and
-    ``found`` these are. With ``SWITCH`` species that are molecules in a particle take no part in
+    ``RATE_LAW`` and ``LAW`` choose user-given laws as in the loops of concentrations alone
+    (:mod:`particell.chemistry.massaction`) and molecules alone (:mod:`particell.chemistry.ssa`),
+    whose ``substeps``, ``failed``, ``broken`` and ``found`` these are. With ``SWITCH`` species that are molecules in a particle take no part in
     its rate equations, and those that are amounts stand for concentrations.
     """
     row = np.int64(lane)
@@ -284,9 +284,9 @@ def react(
                 target = -math.log(u)
                 w[species] = 0.0
                 drawn = True
-            taken = -1
+            done = -1
             if fine:
-                left, h, taken = advance(
+                left, h, done = advance(
                     w,
                     n,
                     species,
@@ -298,8 +298,8 @@ def react(
                     joint_law,
                     RATE_LAW,
                 )
-            steps += abs(taken)
-            if taken < 0:
+            steps += abs(done)
+            if done < 0:
                 examine(
                     w,
                     n,
@@ -312,7 +312,7 @@ def react(
                     joint_law,
                     RATE_LAW,
                 )
-                stopped = i if taken == -1 else i + rows
+                stopped = i if done == -1 else i + rows
                 left = 0.0
             elif w[species] >= target - STOP_ACCURACY and left > 0.0:
                 drawn = False
@@ -348,9 +348,9 @@ def react(
                             possible = False
                     if SWITCH:
                         for s in range(net.shape[1]):
+                            taken = -net[chosen, s] * worth * (1.0 - WHOLE)
                             if partner[s] >= 0 and continuous[i, s] != 0:
-                                if w[partner[s]] < -net[chosen, s] * worth * (1.0 - WHOLE):
-                                    possible = False
+                                possible = possible and w[partner[s]] >= taken
                 if possible:
                     for s in range(net.shape[1]):
                         if SWITCH and partner[s] >= 0 and continuous[i, s] != 0:

@@ -110,7 +110,7 @@ def react(
                         if takes_part[r, s] != 0:
                             w[rates + r] = 0.0
         begin(w, n, len(net))
-        left, h, steps = advance(w, n, n, tau, tau, math.inf, reactants, net, law, LAW)
+        _left, _h, steps = advance(w, n, n, tau, tau, math.inf, reactants, net, law, LAW)
         if LAW is not None or steps < 0:
             examine(w, n, n, tau, steps < 0, found, reactants, net, law, LAW)
         if steps < 0:

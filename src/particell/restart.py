@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -37,6 +38,7 @@ def state_of(simulation: Simulation) -> dict[str, Any]:
         "volume_drift": getattr(s.solver, "volume_drift", None),
         "events": chemistry.events if chemistry else 0,
         "jumps": chemistry.jumps if chemistry else 0,
+        "pace": chemistry.pace if chemistry else math.inf,
         "crossings": s.carriage.crossings if s.carriage else None,
     }
 
@@ -83,6 +85,7 @@ def restore(simulation: Simulation, state: dict[str, Any]) -> None:
     s._first_totals = dict(state["first_totals"])
     if s.chemistry:
         s.chemistry.events, s.chemistry.jumps = state["events"], state["jumps"]
+        s.chemistry.pace = state.get("pace", math.inf)
     if s.carriage:
         s.carriage.crossings = state.get("crossings") or (0.0, 0.0)
     if state["volume_drift"] is not None:

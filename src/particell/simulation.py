@@ -84,8 +84,9 @@ class Simulation:
     normalise_diffusion
         Divide the diffusion of species by the kernel sum: exact on every lattice.
     splitting
-        Of diffusion and reactions: ``"lie"`` (first order) or ``"strang"`` (second order, with two
-        evaluations of the diffusion of concentrations a step).
+        Of diffusion and reactions: ``"lie"`` (first order), ``"strang"`` (second order, with two
+        evaluations of the diffusion of concentrations a step), or ``"auto"``: Strang's where
+        molecules and concentrations react together and something diffuses, else Lie's.
 
     Attributes
     ----------
@@ -110,7 +111,7 @@ class Simulation:
         dt: float | str = "auto",
         device: Device | None = None,
         normalise_diffusion: bool = False,
-        splitting: str = "lie",
+        splitting: str = "auto",
     ):
         if dt != "auto" and not (isinstance(dt, int | float) and dt > 0):
             raise InputError("dt", dt, "positive, or 'auto'")

@@ -28,7 +28,7 @@ class SimulationTable(Table):
 
     dt: Literal["auto"] | _Duration
     normalise_diffusion: bool
-    splitting: Literal["lie", "strang"]
+    splitting: Literal["auto", "lie", "strang"]
 
 
 @describes(Simulation.run)

@@ -40,6 +40,14 @@ from particell.representation import block
 
 #: A particle with more reaction events in a step than this would be waited for in vain.
 MOST_EVENTS = 10**9
+#: Where molecules and concentrations react together, reactions turn over at most this part of
+#: anything between two exchanges of particles ...
+PART_OF_REACTION = 0.2
+#: ... but exchanges are no closer than this part of the limit of diffusion: a molecule that jumps
+#: to where it reacts at once is missed with the probability that it jumps on in the same part.
+PART_OF_LIMIT = 0.1
+#: A step is divided into this many parts at most.
+MOST_PARTS = 500
 
 
 class Chemistry(Contents):
@@ -69,7 +77,8 @@ class Chemistry(Contents):
         Extent of the dimensions that are not simulated, in m (2D) or m² (1D): a particle of
         volume V holds C V depth 𝒩 molecules. Amounts are in mol per depth.
     splitting
-        ``"lie"`` or ``"strang"``, see :meth:`step`.
+        ``"lie"`` or ``"strang"``, see :meth:`step`; ``"auto"`` is Strang's where molecules and
+        concentrations react together and something diffuses, else Lie's.
     at_rest
         The particles never move: what depends on their places alone is computed once.
 
@@ -81,6 +90,9 @@ class Chemistry(Contents):
         Diffusive jumps and stochastic reaction events so far.
     substeps
         Largest number of sub-steps of a particle's deterministic reactions in the last step.
+    pace
+        Fastest rate in 1/s of reactions of molecules and concentrations together, as the last step
+        left them; it decides how a step is divided.
     binomial_cost
         Where the exact walks change from single molecules to whole groups, see
         :mod:`particell.chemistry.jumps`; changes speed only.
@@ -103,12 +115,17 @@ class Chemistry(Contents):
         seed: int = 0,
         normalise: bool = False,
         depth: float = 1.0,
-        splitting: str = "lie",
+        splitting: str = "auto",
         at_rest: bool = False,
     ):
-        if splitting not in ("lie", "strang"):
-            raise InputError("splitting", splitting, "'lie' or 'strang'")
+        if splitting not in ("auto", "lie", "strang"):
+            raise InputError("splitting", splitting, "'auto', 'lie' or 'strang'")
         tables = build_tables(species, reactions, boundaries, particles.groups)
+        together = hybrid.couples(*tables)
+        #: whether the step is divided by the rates of reactions
+        self._divides = together and any(len(t.diffusing) for t in tables)
+        if splitting == "auto":
+            splitting = "strang" if self._divides else "lie"
         self.add_fields(particles, species)
         depth = checked_rate("depth", depth)
         super().__init__(device, particles, species, tables, seed, depth)
@@ -156,8 +173,8 @@ class Chemistry(Contents):
         self._exchanging = bool(
             len(self.deterministic.diffusing) or self._jump_tables or self._areas
         )
-        self._together = hybrid.couples(*tables)
-        self._joint = joint_fields(device, tables, self._amounts) if self._together else {}
+        self._together, self.pace = together, math.inf
+        self._joint = joint_fields(device, tables, self._amounts) if together else {}
         self._remarks = Remarks(device, tables, (self._amounts, self._counts))
         self._laws = {
             "C, k": dispatcher(self.deterministic.laws, "C, k"),
@@ -206,6 +223,10 @@ class Chemistry(Contents):
         anyway), reactions during tau/2; of second order. Reactions go outside as they are cheaper
         than the sum over neighbours, and as a step should end with what is stiff.
 
+        Where molecules and concentrations react together and something diffuses, the step is
+        divided so that reactions turn over at most :data:`PART_OF_REACTION` of anything in a part,
+        unless a part would be shorter than :data:`PART_OF_LIMIT` of the smallest of :meth:`limits`.
+
         Parameters
         ----------
         step_index
@@ -225,16 +246,34 @@ class Chemistry(Contents):
         n = self.particles.n
         for numbers in self._thresholds:
             self._switch_kind(n, *numbers, step_index)
+        parts = self._parts(tau)
+        for part in range(parts):
+            self._split_step(step_index, tau / parts, part)
+
+    def _parts(self, tau: float) -> int:
+        """How many split steps a step of tau needs, see :data:`PART_OF_REACTION`."""
+        if not self._divides:
+            return 1
+        shortest = PART_OF_LIMIT * min(self.limits().values())
+        longest = PART_OF_REACTION / self.pace if self.pace > 0 else math.inf
+        parts = max(1, math.ceil(tau / max(shortest, longest)))
+        if parts > MOST_PARTS:
+            allowed = f"at most {MOST_PARTS * shortest:.3g} s (reactions of molecules and amounts)"
+            raise InputError("step of species", tau, allowed)
+        return parts
+
+    def _split_step(self, step: int, tau: float, part: int) -> None:
+        n = self.particles.n
         self._prepare(n)
-        self._hold(step_index)
+        self._hold(step)
         strang = self.splitting == "strang"
         if strang:
-            self._react(step_index, 0.5 * tau, 1)
-            self._hold(step_index)
+            self._react(step, 0.5 * tau, 2 * part + 1)
+            self._hold(step)
             self._prepare(n)
-        self._diffuse(step_index, tau, strang)
-        self._react(step_index, 0.5 * tau if strang else tau, 0)
-        self._hold(step_index)
+        self._diffuse(step, tau, strang, part)
+        self._react(step, 0.5 * tau if strang else tau, 2 * part)
+        self._hold(step)
 
     def relax(self, name: str, fraction: Any, target: Any, step_index: int) -> None:
         """Sponge: C <- C - (C - target) fraction, booked.
@@ -259,16 +298,17 @@ class Chemistry(Contents):
             column = int(table.partner[column])
         self._relax_amounts(n, fraction, target, column)
 
-    def _diffuse(self, step: int, tau: float, heun: bool) -> None:
+    def _diffuse(self, step: int, tau: float, heun: bool, part: int) -> None:
         """All exchange between particles: jumps of molecules first, then that of amounts."""
         n = self.particles.n
         diffusing = bool(len(self.deterministic.diffusing))
+        stream = 2 * len(self.stochastic.names)
         if not self._measured:
             self._measure(n)
         for walks in self._walks:
             if not self._rated:
                 walks.renew(n, step, self._time)
-            self.jumps += walks.run(n, step, tau, self.binomial_cost)
+            self.jumps += walks.run(n, step, tau, self.binomial_cost, stream * part)
         self._rated = self._rates_last
         if not diffusing:
             return
@@ -313,6 +353,7 @@ class Chemistry(Contents):
         lanes = len(f["work"])
         if self._together:
             self._react_together(lanes, n, tau, step, part)
+            self.pace = float(self.device.to_host(f["pace"]).max())
         elif self.deterministic.reactions:
             self._react_amounts(lanes, n, tau)
         if self._together or self.deterministic.reactions:

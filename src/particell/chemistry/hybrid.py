@@ -38,6 +38,7 @@ from particell.chemistry.network import Tables
 from particell.chemistry.ssa import propensity
 from particell.compute.loop import particle_loop
 from particell.compute.scatter import scatter_add
+from particell.materials import AVOGADRO
 
 #: Value that the integral of propensities is compared with: its error may be 1e-6.
 RESOLVED = 1e3
@@ -159,6 +160,66 @@ def set_rates(
     return fine
 
 
+@njit(**INNER)
+def turnover(
+    w,
+    n,
+    i,
+    g,
+    volume,
+    rate,
+    reactants,
+    repeats,
+    net,
+    net_amount,
+    volume_power,
+    law,
+    partner,
+    continuous,
+    joint,
+    count,
+    SWITCH,
+):
+    """Largest rate in 1/s at which one molecule, or a part of an amount, is turned into others.
+
+    Of mass action also for a molecule that is not there but could come; of a user-given propensity
+    for those that are there.
+    """
+    rates = 8 * n + n * n
+    gross = rates + joint + 2 * n
+    first = joint - len(net)
+    molecules = net.shape[1]
+    scale = volume * AVOGADRO
+    fastest = 0.0
+    for s in range(n - 1):
+        if w[s] > 0.0:
+            fastest = max(fastest, 0.5 * (w[gross + s] - w[n + s]) / w[s])
+    for r in range(len(net)):
+        if law[r] > 0:
+            for s in range(molecules):
+                if net[r, s] < 0 and count[i, s] > 0:
+                    fastest = max(fastest, w[rates + first + r] / count[i, s])
+        elif rate[g, r] > 0.0:
+            for one in range(reactants.shape[1]):
+                own = reactants[r, one]
+                if own >= 0:
+                    changed = net[r, own] if own < molecules else net_amount[r, own - molecules]
+                    a = rate[g, r] * scale ** volume_power[r] if changed != 0 else 0.0
+                    for f in range(reactants.shape[1]):
+                        s = reactants[r, f]
+                        if s >= 0 and f != one:
+                            column = s - molecules
+                            if SWITCH and s < molecules:
+                                amount_here = partner[s] >= 0 and continuous[i, s] != 0
+                                column = partner[s] if amount_here else -1
+                            if column >= 0:
+                                a *= w[column] * scale
+                            else:
+                                a *= max(0, count[i, s] - (repeats[r, f] if s != own else 0))
+                    fastest = max(fastest, a)
+    return fastest
+
+
 @particle_loop
 def react(
     lane,
@@ -195,6 +256,7 @@ def react(
     amount,
     work,
     substeps,
+    pace,
     event_counter,
     most_events,
     failed,
@@ -208,8 +270,10 @@ def react(
 
     ``RATE_LAW`` and ``LAW`` choose user-given laws as in the loops of concentrations alone
     (:mod:`particell.chemistry.massaction`) and molecules alone (:mod:`particell.chemistry.ssa`),
-    whose ``substeps``, ``failed``, ``broken`` and ``found`` these are. With ``SWITCH`` species that are molecules in a particle take no part in
-    its rate equations, and those that are amounts stand for concentrations.
+    whose ``substeps``, ``failed``, ``broken`` and ``found`` these are. With ``SWITCH`` species that
+    are molecules in a particle take no part in its rate equations, and those that are amounts stand
+    for concentrations. ``pace[lane]`` is the fastest rate that reactions left behind, see
+    :func:`turnover`.
     """
     row = np.int64(lane)
     lanes = work.shape[0]
@@ -223,6 +287,7 @@ def react(
     most = 0
     stopped = -1
     total_events = 0
+    fastest = 0.0
     for i in range(row * rows // lanes, (row + 1) * rows // lanes):
         if stopped >= 0 or broken[0] != 0:
             break
@@ -378,6 +443,28 @@ def react(
                 joint_law,
                 RATE_LAW,
             )
+        fastest = max(
+            fastest,
+            turnover(
+                w,
+                n,
+                i,
+                g,
+                space,
+                rate,
+                reactants,
+                repeats,
+                net,
+                net_amount,
+                volume_power,
+                law,
+                partner,
+                continuous,
+                joint,
+                count,
+                SWITCH,
+            ),
+        )
         for s in range(species):
             moves = True
             if SWITCH:
@@ -389,6 +476,7 @@ def react(
                 amount[i, s] = max(0.0, amount[i, s] + change * volume[i])
         most = max(most, steps)
         total_events += events
+    pace[row] = fastest
     substeps[row] = -1 - stopped if stopped >= 0 else most
     if total_events > 0:
         scatter_add(event_counter, 0, total_events)

@@ -92,6 +92,7 @@ def scratch_fields(
         length = work_columns(columns, deterministic.reactions)
     fields["work"] = zeros((lanes, length), np.float64)
     fields["substeps"] = zeros(lanes, np.int64)
+    fields["pace"] = zeros(lanes, np.float64)
     dim = particles.dim
     shapes: dict[str, Any] = {"wall_normal": (1, dim), "wall_depth": 1, "wall_curvature": 1}
     for name, shape in shapes.items():

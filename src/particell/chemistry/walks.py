@@ -108,8 +108,11 @@ class Walks:
             message = "the rate of a molecule's jumps is not finite"
             raise RunError(message, step=step, time=time, field="x", particle=particle)
 
-    def run(self, n: int, step: int, tau: float, binomial_cost: float) -> int:
-        """Move the molecules of n particles during tau; the jumps made."""
+    def run(self, n: int, step: int, tau: float, binomial_cost: float, stream: int = 0) -> int:
+        """Move the molecules of n particles during tau; the jumps made.
+
+        ``stream`` is the first of the sets of random numbers, two for each species.
+        """
         fastest = self._fastest
         mean = fastest * tau
         length = jumps.rounds_needed(mean)
@@ -118,15 +121,16 @@ class Walks:
             self._bind()
         made = 0
         for s, column in zip(self.columns, self.partner, strict=True):
+            own = stream + 2 * s
             if fastest > 0:
                 self._tables[0].fill(mean, length)
-                numbers = (tau, fastest, binomial_cost, s, 2 * s, step, column)
+                numbers = (tau, fastest, binomial_cost, s, own, step, column)
                 made += self._rounds(n, 0, length, True, numbers)
             if self.open_ended:
-                self.enter(n, tau, binomial_cost, s, 2 * s + 1, step)
+                self.enter(n, tau, binomial_cost, s, own + 1, step)
                 jumped, pending = self._count_up()
                 self._tables[1].fill(mean, length)
-                numbers = (tau, fastest, binomial_cost, s, 2 * s + 1, step, column)
+                numbers = (tau, fastest, binomial_cost, s, own + 1, step, column)
                 made += jumped + self._rounds(n, 1, length, pending, numbers)
             self.settle(n, s, column)
         return made

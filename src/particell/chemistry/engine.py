@@ -196,6 +196,11 @@ class Chemistry(Contents):
         tables = species_table(self.species.values()), reaction_table(self.reactions)
         return block("Species and reactions", *tables)
 
+    @property
+    def remarks(self) -> list[str]:
+        """What was found wrong with laws so far, a line each; every line was a warning once."""
+        return self._remarks.lines
+
     def limits(self) -> dict[str, float]:
         """Largest steps in s by name: 0.05 h²/κ for each kind of species.
 

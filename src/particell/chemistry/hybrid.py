@@ -279,7 +279,7 @@ def react(
     lanes = work.shape[0]
     w = work[row]
     species = amount.shape[1]
-    n = species + 1
+    n, now = species + 1, species - species
     joint = len(joint_net)
     first = joint - len(net)
     rates = 8 * n + n * n
@@ -391,7 +391,7 @@ def react(
                             total += reaction_rate(
                                 r,
                                 w,
-                                0,
+                                now,
                                 species,
                                 k,
                                 0.0,

@@ -35,7 +35,7 @@ def examine(w, n, species, tau, failed, found, reactants, net, law, choose):
 
     Where the integration failed, which are not finite.
     """
-    rates = 8 * n + n * n
+    rates, now = 8 * n + n * n, n - n
     size = 0.0
     for s in range(species):
         size = max(size, w[s], w[rates + len(net) + s])
@@ -43,7 +43,9 @@ def examine(w, n, species, tau, failed, found, reactants, net, law, choose):
         k = w[rates + r]
         if k > 0.0:
             if failed:
-                rate = reaction_rate(r, w, 0, species, k, EDGE * size, reactants, net, law, choose)
+                rate = reaction_rate(
+                    r, w, now, species, k, EDGE * size, reactants, net, law, choose
+                )
                 if not abs(rate) < math.inf:
                     found[r] |= NOT_FINITE
             elif law[r] > 0:
@@ -51,7 +53,7 @@ def examine(w, n, species, tau, failed, found, reactants, net, law, choose):
                     kept = w[s]
                     if net[r, s] != 0 and kept <= 1e3 * EDGE * size:
                         w[s] = 0.0
-                        value = net[r, s] * law_value(r, w, 0, species, k, law, choose)
+                        value = net[r, s] * law_value(r, w, now, species, k, law, choose)
                         w[s] = kept
                         if value * tau < -1e-12 * size:
                             found[r] |= TAKES_TOO_MUCH

@@ -50,7 +50,7 @@ def test_rate_laws_stop_where_nothing_is_left(lattice):
         Reaction("O -> 0", 1.0, rate_law=broken),
     ]
     start = {"S": 1.0, "Q": 0.35, "T": 0.9, "X": 0.2, "Z": 0.8, "W": 5.5e4}
-    species = [Species(n, 1e-10 * (n in "SP")) for n in names + "OW"]
+    species = [Species(n, 1e-12 * (n in "SP")) for n in names + "OW"]
     chem = lattice(disturb=0.2).chemistry(species, reactions)
     for name, value in start.items():
         chem.set_concentration(name, value)

@@ -33,7 +33,7 @@ from numba import njit
 
 from particell.chemistry.binomial import two_uniforms
 from particell.chemistry.integrators import INNER, STOP_ACCURACY, advance, reaction_rate
-from particell.chemistry.massaction import NOT_FINITE, begin, examine
+from particell.chemistry.massaction import NOT_FINITE, begin, examine, with_change
 from particell.chemistry.network import Tables
 from particell.chemistry.ssa import propensity
 from particell.compute.loop import particle_loop
@@ -295,7 +295,7 @@ def react(
         space = volume[i] * depth
         worth = quantum / volume[i]
         for s in range(species):
-            w[s] = amount[i, s] / volume[i]
+            w[s] = max(0.0, amount[i, s] / volume[i])
         for r in range(first):
             w[rates + r] = rate_amounts[g, r]
         if SWITCH:
@@ -472,8 +472,7 @@ def react(
                     if partner[m] == s and continuous[i, m] == 0:
                         moves = False
             if moves:
-                change = w[s] - amount[i, s] / volume[i]
-                amount[i, s] = max(0.0, amount[i, s] + change * volume[i])
+                amount[i, s] = with_change(amount[i, s], w[s], volume[i])
         most = max(most, steps)
         total_events += events
     pace[row] = fastest

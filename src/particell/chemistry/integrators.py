@@ -60,6 +60,8 @@ MOST_EXPLICIT = 60
 #: Explicit steps, whatever for.
 MOST_TRIED = 500
 MOST_SUBSTEPS = 1_000_000
+#: Sub-steps that have been halved to this part of the time are in vain: rates are not finite.
+SMALLEST = 1e-40
 #: A stop is found to this accuracy: of the integral of propensities, or relative of a level.
 STOP_ACCURACY = 1e-7
 #: Dormand & Prince's pair: row m makes the argument of stage m + 2, the last one the new value.
@@ -374,6 +376,8 @@ def advance(w, n, species, left, h, target, reactants, net, law, choose):
                     trial = STABLE / loss
         if steps == MOST_SUBSTEPS:
             return left, h, -2
+        if not trial > SMALLEST * left:
+            return left, h, -1
         steps += 1
         if stiff:
             argument, power = 5 * n, -1.0 / 3.0

@@ -30,6 +30,14 @@ def begin(w, n, reactions):
 
 
 @njit(**INNER)
+def with_change(amount, value, volume):
+    """An amount after its concentration became ``value``; what diffusion left below 0 stays so."""
+    if amount < 0.0:
+        return amount + value * volume
+    return max(0.0, amount + (value - amount / volume) * volume)
+
+
+@njit(**INNER)
 def examine(w, n, species, tau, failed, found, reactants, net, law, choose):
     """Note in ``found`` which laws do not vanish where what they consume has run out.
 
@@ -101,7 +109,7 @@ def react(
         if failed >= 0:
             break
         for s in range(n):
-            w[s] = amount[i, s] / volume[i]
+            w[s] = max(0.0, amount[i, s] / volume[i])
         for r in range(rate.shape[1]):
             w[rates + r] = rate[group[i], r]
         if SWITCH:
@@ -122,6 +130,5 @@ def react(
             for s in range(n):
                 if SWITCH and partner[s] >= 0 and continuous[i, max(partner[s], 0)] == 0:
                     continue
-                change = w[s] - amount[i, s] / volume[i]
-                amount[i, s] = max(0.0, amount[i, s] + change * volume[i])
+                amount[i, s] = with_change(amount[i, s], w[s], volume[i])
     substeps[row] = -1 - failed if failed >= 0 else most

@@ -7,7 +7,8 @@ from collections.abc import Mapping
 
 from particell.casefile.formula import Formula
 from particell.casefile.scope import Scope
-from particell.chemistry.formula import Law, Number, Symbol, Tree, operation
+from particell.chemistry.formula import Number, Symbol, Tree, call, operation
+from particell.chemistry.lawcode import Law
 from particell.units import registry
 
 _SIGNS: dict[type[ast.AST], str] = {
@@ -17,6 +18,14 @@ _SIGNS: dict[type[ast.AST], str] = {
     ast.Div: "/",
     ast.Pow: "^",
 }
+_RULES: dict[type[ast.AST], str] = {
+    ast.Lt: "<",
+    ast.LtE: "<=",
+    ast.Gt: ">",
+    ast.GtE: ">=",
+    ast.And: "and",
+    ast.Or: "or",
+}
 
 
 def law_of(key: str, text: str, scope: Scope, molecules: bool) -> Law:
@@ -25,7 +34,7 @@ def law_of(key: str, text: str, scope: Scope, molecules: bool) -> Law:
     Raises
     ------
     InputError
-        For other functions than + - * / **, unknown names, and another unit than mol/m³/s.
+        For what no formula of a case file has, unknown names, and another unit than mol/m³/s.
     """
     formula = Formula(key, text if text.lstrip().startswith("=") else f"={text}")
     constants = {k: v for k, v in scope.constants.values.items() if k not in scope.species}
@@ -52,4 +61,17 @@ def _tree(formula: Formula, node: ast.expr, constants: Mapping[str, float]) -> T
     if isinstance(node, ast.BinOp):
         left, right = (_tree(formula, n, constants) for n in (node.left, node.right))
         return operation(_SIGNS[type(node.op)], left, right)
-    raise formula.error("a formula of + - * / and ** alone")
+    if isinstance(node, ast.UnaryOp):
+        return call("not", _tree(formula, node.operand, constants))
+    if isinstance(node, ast.Call):
+        assert isinstance(node.func, ast.Name)
+        return call(node.func.id, *(_tree(formula, n, constants) for n in node.args))
+    if isinstance(node, ast.Compare):
+        operands, rule = [node.left, *node.comparators], _RULES[type(node.ops[0])]
+    else:
+        assert isinstance(node, ast.BoolOp)
+        operands, rule = node.values, _RULES[type(node.op)]
+    first, *rest = (_tree(formula, n, constants) for n in operands)
+    for each in rest:
+        first = call(rule, first, each)
+    return first

@@ -11,7 +11,8 @@ import numpy as np
 from particell.chemistry import fluxes, hybrid, jumps, massaction, reservoirs, ssa
 from particell.chemistry.contents import Contents
 from particell.chemistry.integrators import MOST_SUBSTEPS
-from particell.chemistry.network import Boundaries, build_tables, dispatcher
+from particell.chemistry.lawcode import dispatcher
+from particell.chemistry.network import Boundaries, build_tables
 from particell.chemistry.reactions import Reaction
 from particell.chemistry.remarks import Remarks
 from particell.chemistry.reservoirs import HELD, WALL_FLUX, WALL_VALUE, FluxWall

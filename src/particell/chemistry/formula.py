@@ -1,35 +1,95 @@
-"""Formulas of species: + - * / and powers, as trees that are expanded, split and compiled.
+"""Formulas of species and time as trees: folded, searched and worked out.
 
-Trees come from a file's MathML (see :mod:`particell.chemistry.sbml`). They are turned into machine
-code node by node: the only names in the compiled function are its arguments, and no text of the
-file is ever looked at as a program.
+Trees come from a file's MathML (see :mod:`particell.chemistry.sbml`) or from the rate laws of a
+case file; both have the functions of :data:`FUNCTIONS`. They are expanded in
+:mod:`particell.chemistry.polynomials` and become machine code in
+:mod:`particell.chemistry.lawcode`. No text of a file is ever looked at as a program.
 """
 
 from __future__ import annotations
 
-import ast
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from numba import njit
+import numpy as np
 
-from particell.errors import unknown_name
-from particell.materials import AVOGADRO
+from particell.errors import InputError
 
-_OPERATORS: dict[str, tuple[Callable[[Any, Any], Any], type[ast.operator]]] = {
-    "+": (lambda a, b: a + b, ast.Add),
-    "-": (lambda a, b: a - b, ast.Sub),
-    "*": (lambda a, b: a * b, ast.Mult),
-    "/": (lambda a, b: a / b, ast.Div),
-    "^": (lambda a, b: a**b, ast.Pow),
+_OPERATORS: dict[str, Callable[[Any, Any], Any]] = {
+    "+": lambda a, b: a + b,
+    "-": lambda a, b: a - b,
+    "*": lambda a, b: a * b,
+    "/": lambda a, b: a / b,
+    "^": lambda a, b: a**b,
 }
-#: Highest power that is expanded.
-HIGHEST_POWER = 8
 
-#: Exponents of species, sorted by name: ``(("A", 2), ("B", 1))`` is A²B.
-Monomial = tuple[tuple[str, int], ...]
-Polynomial = dict[Monomial, float]
+
+def _truth(rule: Callable[..., Any]) -> Callable[..., Any]:
+    """A rule whose answer is 1 or 0, of arguments that hold where they are not 0."""
+    return lambda *arguments: np.where(rule(*arguments), 1.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Function:
+    """What a function of formulas is.
+
+    Attributes
+    ----------
+    value
+        Works it out for numbers and arrays.
+    arguments
+        How many it has.
+    code
+        Its text in compiled laws, with ``{0}``, ``{1}`` … for the arguments.
+    condition
+        Whether the text is true or false, instead of a number.
+    """
+
+    value: Callable[..., Any]
+    arguments: int
+    code: str
+    condition: bool = False
+
+
+#: The functions of formulas by name, those of case files among them; ``"<"`` and the like are
+#: called as functions too. What is true is 1, what is false 0.
+FUNCTIONS: dict[str, Function] = {
+    "abs": Function(np.abs, 1, "abs({0})"),
+    "arccos": Function(np.arccos, 1, "math.acos({0})"),
+    "arccosh": Function(np.arccosh, 1, "math.acosh({0})"),
+    "arcsin": Function(np.arcsin, 1, "math.asin({0})"),
+    "arcsinh": Function(np.arcsinh, 1, "math.asinh({0})"),
+    "arctan": Function(np.arctan, 1, "math.atan({0})"),
+    "arctan2": Function(np.arctan2, 2, "math.atan2({0}, {1})"),
+    "arctanh": Function(np.arctanh, 1, "math.atanh({0})"),
+    "ceil": Function(np.ceil, 1, "float(math.ceil({0}))"),
+    "clip": Function(np.clip, 3, "min(max({0}, {1}), {2})"),
+    "cos": Function(np.cos, 1, "math.cos({0})"),
+    "cosh": Function(np.cosh, 1, "math.cosh({0})"),
+    "exp": Function(np.exp, 1, "math.exp({0})"),
+    "floor": Function(np.floor, 1, "float(math.floor({0}))"),
+    "hypot": Function(np.hypot, 2, "math.hypot({0}, {1})"),
+    "log": Function(np.log, 1, "math.log({0})"),
+    "maximum": Function(np.maximum, 2, "max({0}, {1})"),
+    "minimum": Function(np.minimum, 2, "min({0}, {1})"),
+    "round": Function(np.rint, 1, "float(round({0}))"),
+    "sin": Function(np.sin, 1, "math.sin({0})"),
+    "sinh": Function(np.sinh, 1, "math.sinh({0})"),
+    "sqrt": Function(np.sqrt, 1, "math.sqrt({0})"),
+    "tan": Function(np.tan, 1, "math.tan({0})"),
+    "tanh": Function(np.tanh, 1, "math.tanh({0})"),
+    "where": Function(lambda c, a, b: np.where(c, a, b), 3, "({1} if {0} else {2})"),
+    "<": Function(_truth(np.less), 2, "({0} < {1})", True),
+    "<=": Function(_truth(np.less_equal), 2, "({0} <= {1})", True),
+    ">": Function(_truth(np.greater), 2, "({0} > {1})", True),
+    ">=": Function(_truth(np.greater_equal), 2, "({0} >= {1})", True),
+    "==": Function(_truth(np.equal), 2, "({0} == {1})", True),
+    "!=": Function(_truth(np.not_equal), 2, "({0} != {1})", True),
+    "and": Function(_truth(np.logical_and), 2, "({0} and {1})", True),
+    "or": Function(_truth(np.logical_or), 2, "({0} or {1})", True),
+    "not": Function(_truth(np.logical_not), 1, "(not {0})", True),
+}
 
 
 @dataclass(frozen=True)
@@ -47,6 +107,11 @@ class Symbol:
 
 
 @dataclass(frozen=True)
+class Time:
+    """The time since the beginning in s."""
+
+
+@dataclass(frozen=True)
 class Operation:
     """One of ``+ - * / ^`` of two trees."""
 
@@ -55,7 +120,15 @@ class Operation:
     right: Tree
 
 
-Tree = Number | Symbol | Operation
+@dataclass(frozen=True)
+class Call:
+    """One of :data:`FUNCTIONS` of trees."""
+
+    function: str
+    arguments: tuple[Tree, ...]
+
+
+Tree = Number | Symbol | Time | Operation | Call
 ZERO, ONE = Number(0.0), Number(1.0)
 
 
@@ -68,10 +141,7 @@ def operation(operator: str, left: Tree, right: Tree) -> Tree:
         Where numbers have no such result (division by zero).
     """
     if isinstance(left, Number) and isinstance(right, Number):
-        value = _OPERATORS[operator][0](left.value, right.value)
-        if isinstance(value, complex) or value - value != 0:
-            raise ValueError("not a finite real number")
-        return Number(float(value))
+        return _finite(_OPERATORS[operator](left.value, right.value))
     if operator == "/" and right == ZERO:
         raise ZeroDivisionError("division by zero")
     if (operator in "+-" and right == ZERO) or (operator in "*/^" and right == ONE):
@@ -80,151 +150,99 @@ def operation(operator: str, left: Tree, right: Tree) -> Tree:
         return right
     if operator == "*" and ZERO in (left, right):
         return ZERO
+    if operator == "^" and right == ZERO:
+        return ONE
     return Operation(operator, left, right)
 
 
-def symbols(tree: Tree) -> Iterator[str]:
-    """The species in a tree, with repetitions."""
-    if isinstance(tree, Symbol):
-        yield tree.name
-    elif isinstance(tree, Operation):
-        yield from symbols(tree.left)
-        yield from symbols(tree.right)
+def call(function: str, *arguments: Tree) -> Tree:
+    """A function of trees, worked out where they are numbers.
 
-
-def polynomial(tree: Tree) -> Polynomial | None:
-    """The tree multiplied out; None where it is no polynomial of the species."""
-    if isinstance(tree, Number):
-        return {(): tree.value} if tree.value else {}
-    if isinstance(tree, Symbol):
-        return {((tree.name, 1),): 1.0}
-    left = polynomial(tree.left)
-    if left is None:
-        return None
-    if tree.operator == "^":
-        return _power(left, tree.right)
-    right = polynomial(tree.right)
-    if right is None:
-        return None
-    if tree.operator == "*":
-        return _product(left, right)
-    if tree.operator == "/":
-        constant = right.get((), 0.0) if set(right) == {()} else 0.0
-        return {m: c / constant for m, c in left.items()} if constant else None
-    sign = 1.0 if tree.operator == "+" else -1.0
-    total = dict(left)
-    for monomial, coefficient in right.items():
-        total[monomial] = total.get(monomial, 0.0) + sign * coefficient
-    return {m: c for m, c in total.items() if c}
-
-
-def _power(base: Polynomial, exponent: Tree) -> Polynomial | None:
-    if not isinstance(exponent, Number) or exponent.value not in range(HIGHEST_POWER + 1):
-        return None
-    result: Polynomial = {(): 1.0}
-    for _ in range(int(exponent.value)):
-        result = _product(result, base)
-    return result
-
-
-def _product(left: Polynomial, right: Polynomial) -> Polynomial:
-    total: Polynomial = {}
-    for one, a in left.items():
-        for other, b in right.items():
-            exponents = dict(one)
-            for name, power in other:
-                exponents[name] = exponents.get(name, 0) + power
-            key = tuple(sorted(exponents.items()))
-            total[key] = total.get(key, 0.0) + a * b
-    return {m: c for m, c in total.items() if c}
-
-
-def split(tree: Tree) -> tuple[Tree, Tree] | None:
-    """Two trees without differences whose difference the tree is; None where there are none.
-
-    Differences are taken out of sums, products, and numerators; negative numbers count as such.
+    Raises
+    ------
+    ValueError
+        Where numbers have no such result (the logarithm of 0).
     """
-    if isinstance(tree, Number):
-        return (tree, ZERO) if tree.value >= 0 else (ZERO, Number(-tree.value))
-    if isinstance(tree, Symbol):
-        return tree, ZERO
-    left, right = split(tree.left), split(tree.right)
-    if left is None or right is None:
-        return None
-    (a, b), (c, d) = left, right
-    if tree.operator == "+":
-        return operation("+", a, c), operation("+", b, d)
-    if tree.operator == "-":
-        return operation("+", a, d), operation("+", b, c)
-    if tree.operator == "*":
-        return (
-            operation("+", operation("*", a, c), operation("*", b, d)),
-            operation("+", operation("*", a, d), operation("*", b, c)),
-        )
-    if tree.operator == "/" and d == ZERO:
-        return operation("/", a, c), operation("/", b, c) if b != ZERO else ZERO
-    if tree.operator == "^" and b == ZERO:
-        return operation("^", a, tree.right), ZERO
-    return None
+    if all(isinstance(a, Number) for a in arguments):
+        with np.errstate(all="ignore"):
+            values = [a.value for a in arguments if isinstance(a, Number)]
+            return _finite(FUNCTIONS[function].value(*values))
+    if function == "where":
+        condition, one, other = arguments
+        if isinstance(condition, Number):
+            return one if condition.value else other
+        if one == other:
+            return one
+    return Call(function, arguments)
 
 
-@dataclass(frozen=True)
-class Law:
-    """A rate that Numba compiles once the species' columns are known.
+def _finite(value: Any) -> Number:
+    if isinstance(value, complex) or not np.isfinite(value):
+        raise ValueError("not a finite real number")
+    return Number(float(value))
+
+
+def children(tree: Tree) -> tuple[Tree, ...]:
+    """The trees that a tree is made of."""
+    if isinstance(tree, Operation):
+        return tree.left, tree.right
+    return tree.arguments if isinstance(tree, Call) else ()
+
+
+def nodes(tree: Tree) -> Iterator[Tree]:
+    """All parts of a tree, each object once."""
+    seen: set[int] = set()
+    waiting = [tree]
+    while waiting:
+        node = waiting.pop()
+        if id(node) not in seen:
+            seen.add(id(node))
+            yield node
+            waiting += reversed(children(node))
+
+
+def symbols(tree: Tree) -> Iterator[str]:
+    """The species in a tree, perhaps with repetitions."""
+    return (node.name for node in nodes(tree) if isinstance(node, Symbol))
+
+
+def timed(tree: Tree) -> bool:
+    """Whether the time is in a tree."""
+    return any(isinstance(node, Time) for node in nodes(tree))
+
+
+def value(tree: Tree, concentrations: Mapping[str, Any], time: Any = 0.0) -> Any:
+    """What a tree comes to.
 
     Parameters
     ----------
     tree
-        The rate in mol/m³/s, of concentrations in mol/m³.
-    molecules
-        Whether the species are molecules: then the function is the propensity ``f(N, V, k)``, the
-        rate at the concentrations N/(V 𝒩) times V 𝒩; else it is ``f(C, k)``.
+        A formula.
+    concentrations
+        Numbers or arrays in mol/m³ by species.
+    time
+        In s.
     """
+    known: dict[int, Any] = {}
 
-    tree: Tree
-    molecules: bool = False
+    def work(node: Tree) -> Any:
+        if id(node) in known:
+            return known[id(node)]
+        if isinstance(node, Number):
+            found: Any = node.value
+        elif isinstance(node, Symbol):
+            if node.name not in concentrations:
+                raise InputError("concentrations", list(concentrations), f"with {node.name}")
+            found = concentrations[node.name]
+        elif isinstance(node, Time):
+            found = time
+        elif isinstance(node, Operation):
+            left, right = np.float64(1.0) * work(node.left), work(node.right)
+            found = _OPERATORS[node.operator](left, right)
+        else:
+            found = FUNCTIONS[node.function].value(*[work(a) for a in node.arguments])
+        known[id(node)] = found
+        return found
 
-    def bind(self, names: Sequence[str]) -> Any:
-        """The compiled function.
-
-        Parameters
-        ----------
-        names
-            The species in the order of the function's array.
-        """
-        columns = {name: k for k, name in enumerate(names)}
-        for name in symbols(self.tree):
-            if name not in columns:
-                raise unknown_name("species in a rate law", name, names)
-        body = _expression(self.tree, columns, self.molecules)
-        arguments = ["C", "k"]
-        if self.molecules:
-            body = ast.BinOp(body, ast.Mult(), _molecules_per_concentration())
-            arguments = ["N", "V", "k"]
-        body = ast.BinOp(ast.Name("k", ast.Load()), ast.Mult(), body)
-        function = ast.Lambda(
-            ast.arguments([], [ast.arg(a) for a in arguments], None, [], [], None, []), body
-        )
-        code = compile(ast.fix_missing_locations(ast.Expression(function)), "<rate law>", "eval")
-        # Nothing can be called or looked up: the tree above has arguments, numbers and operators.
-        return njit(error_model="numpy")(eval(code, {"__builtins__": {}}))
-
-
-def _molecules_per_concentration() -> ast.expr:
-    return ast.BinOp(ast.Name("V", ast.Load()), ast.Mult(), ast.Constant(AVOGADRO))
-
-
-def _expression(tree: Tree, columns: Mapping[str, int], molecules: bool) -> ast.expr:
-    if isinstance(tree, Number):
-        return ast.Constant(float(tree.value))
-    if isinstance(tree, Symbol):
-        array = ast.Name("N" if molecules else "C", ast.Load())
-        item: ast.expr = ast.Subscript(array, ast.Constant(columns[tree.name]), ast.Load())
-        return ast.BinOp(item, ast.Div(), _molecules_per_concentration()) if molecules else item
-    left = _expression(tree.left, columns, molecules)
-    if tree.operator == "^" and isinstance(tree.right, Number):
-        value = tree.right.value
-        if value == int(value) and abs(value) <= HIGHEST_POWER:  # exact and fast
-            return ast.BinOp(left, ast.Pow(), ast.Constant(int(value)))
-    right = _expression(tree.right, columns, molecules)
-    return ast.BinOp(left, _OPERATORS[tree.operator][1](), right)
+    with np.errstate(all="ignore"):
+        return work(tree)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
+from particell.chemistry.lawcode import Law
 from particell.chemistry.reactions import HIGHEST_ORDER, Reaction
 from particell.chemistry.reservoirs import (
     FREE,
@@ -63,7 +64,7 @@ class Tables:
     law
         int64 (R,): 0 for mass action, m + 1 for the m-th function of ``laws``.
     laws
-        User-given rate laws or propensities.
+        User-given rate laws or propensities: functions, or the lines of formulas.
     partner
         int64 (S,), for a species that switches its column in the tables of the other kind; -1.
     takes_part
@@ -305,10 +306,11 @@ def _fill_reaction(
         tables.shared[r] = all(name in other.names for name in reaction.names)
     law = reaction.rate_law or reaction.propensity
     if law is not None:
-        if hasattr(law, "bind"):  # a formula with the species' names in it
-            law = law.bind(tables.names)
-        _check_call(reaction, law, len(tables.names))
-        tables.laws.append(law if hasattr(law, "py_func") else njit(law))
+        if isinstance(law, Law):  # a formula with the species' names in it
+            tables.laws.append(law.body(tables.names))
+        else:
+            _check_call(reaction, law, len(tables.names))
+            tables.laws.append(law if hasattr(law, "py_func") else njit(law))
         tables.law[r] = len(tables.laws)
     else:
         for place, (name, repeat) in enumerate(_factors(left)):
@@ -372,16 +374,3 @@ def _slot(name: str, tables: Tables, other: Tables | None) -> int:
         return tables.names.index(name)
     assert other is not None
     return len(tables.names) + other.names.index(name)
-
-
-def dispatcher(laws: Sequence[Any], arguments: str) -> Any:
-    """One compiled function ``f(m, *arguments)`` that calls the m-th of several; None for none."""
-    if not laws:
-        return None
-    lines = [f"def choose(m, {arguments}):"]
-    for m in range(len(laws)):
-        lines += [f"    if m == {m}:", f"        return 1.0 * law{m}({arguments})"]
-    lines.append("    return 0.0")
-    scope: dict[str, Any] = {f"law{m}": law for m, law in enumerate(laws)}
-    exec("\n".join(lines), scope)
-    return njit(scope["choose"])

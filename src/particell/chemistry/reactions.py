@@ -26,7 +26,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from particell.checks import checked
-from particell.chemistry.formula import Law
+from particell.chemistry.lawcode import Law
 from particell.chemistry.species import checked_rate, group_names
 from particell.errors import InputError
 from particell.representation import block, brief

@@ -8,9 +8,11 @@ rate in mol/m³/s that a :class:`~particell.chemistry.reactions.Reaction` has.
 A law that is a product of powers of species as mass action has it becomes a rate constant; the
 falling factorials of laws for molecules, such as :math:`k A (A - 1)/2`, are recognised. So are
 differences of two such terms (reversible reactions), and modifiers as catalysts on both sides. Any
-other formula of + - * / and powers becomes a rate law (for molecules: a propensity), which Numba
-compiles from the tree that libSBML parsed. A difference that is no mass action is made two one-way
-reactions. All else is refused by name: nothing is left out silently.
+other formula becomes a rate law (for molecules: a propensity), which Numba compiles from the tree
+that libSBML parsed. A difference that is no mass action is made two one-way reactions where it can
+be taken apart. Function definitions are expanded, assignment rules put into the laws that use
+them, initial assignments and constants worked out. All else is refused by name: nothing is left
+out silently.
 """
 
 from __future__ import annotations
@@ -21,7 +23,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from particell.chemistry.reactions import Reaction
-from particell.chemistry.sbml_laws import Laws, Participant
+from particell.chemistry.formula import Tree, value
+from particell.chemistry.sbml_laws import Laws
+from particell.chemistry.sbml_symbols import Symbols, items
 from particell.chemistry.sbml_units import Units
 from particell.chemistry.species import Species
 from particell.errors import InputError, unknown_name
@@ -32,6 +36,25 @@ if TYPE_CHECKING:
     from particell.chemistry.engine import Chemistry
 
 Diffusivity = float | str | Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Assigned:
+    """What an assignment rule gives to a parameter or a species, in the file's units."""
+
+    tree: Tree
+
+    def __call__(self, concentrations: Mapping[str, Any], time: Any = 0.0) -> Any:
+        """Its value.
+
+        Parameters
+        ----------
+        concentrations
+            Numbers or arrays in mol/m³, by species.
+        time
+            In s.
+        """
+        return value(self.tree, concentrations, time)
 
 
 @dataclass(frozen=True)
@@ -47,20 +70,25 @@ class SBMLModel:
     constants
         Concentrations in mol/m³ of species that the file holds constant (boundary conditions);
         they are part of the rates and are no species of the simulation.
+    assigned
+        What assignment rules define: functions of the concentrations and the time.
     volumes
         Volumes of the compartments in m³.
     parameters
         Global parameters, as numbers in the file's own units.
     kinds
-        What each reaction of the file has become: ``"mass action"`` or ``"rate law"``.
+        What each reaction of the file has become: ``"mass action"``, ``"rate law"`` or
+        ``"nothing"``.
     notes
-        What a reader should know: approximations made, and units that libSBML finds inconsistent.
+        What a reader should know: assumptions made, what has no effect, and units that libSBML
+        finds inconsistent.
     """
 
     species: list[Species]
     reactions: list[Reaction]
     initial: dict[str, float]
     constants: dict[str, float] = field(default_factory=dict)
+    assigned: dict[str, Assigned] = field(default_factory=dict)
     volumes: dict[str, float] = field(default_factory=dict)
     parameters: dict[str, float] = field(default_factory=dict)
     kinds: dict[str, str] = field(default_factory=dict)
@@ -90,6 +118,7 @@ def read_sbml(
     molecules: bool | Collection[str] = False,
     only_in: Mapping[str, Any] | None = None,
     units: Mapping[str, str] | None = None,
+    volumes: Mapping[str, float | str] | None = None,
 ) -> SBMLModel:
     """Read species and reactions from an SBML file.
 
@@ -107,7 +136,13 @@ def read_sbml(
         species are wherever :class:`Species` puts them.
     units
         Units of ``"substance"``, ``"volume"`` and ``"time"`` where the file has none:
-        ``{"substance": "nmol", "volume": "l", "time": "min"}``.
+        ``{"substance": "nmol", "volume": "l", "time": "min"}``. Where it has them a note says
+        that these are not used.
+    volumes
+        The volume that a compartment stands for, in m³ or as text with a unit, by its id: where
+        the file gives no size, or a membrane's area. Numbers in the file stay as they are. Of
+        compartments between which something reacts it has to be the same: they share its space,
+        and the concentrations of their species are per volume of it.
 
     Returns
     -------
@@ -118,11 +153,10 @@ def read_sbml(
     ------
     InputError
         Where libSBML is missing, the file cannot be read, or holds what cannot be represented:
-        events, rules, constraints, delays, time in laws, fast reactions, conversion factors,
-        reactions between compartments, compartments that are no volumes or change, functions
-        other than powers, stoichiometries that are not whole.
+        events, algebraic and rate rules, delays, fast reactions, compartments that change,
+        reactions between compartments of different volumes, packages that a file requires.
     """
-    return parse_sbml(sbml_text(path), path, diffusivity, molecules, only_in, units)
+    return parse_sbml(sbml_text(path), path, diffusivity, molecules, only_in, units, volumes)
 
 
 def sbml_text(path: str | Path) -> str:
@@ -136,7 +170,7 @@ def sbml_text(path: str | Path) -> str:
     if not Path(path).is_file():
         raise InputError("SBML file", str(path), "a readable file")
     try:
-        return Path(path).read_text(encoding="utf-8")
+        return Path(path).read_bytes().decode("utf-8-sig")  # Windows writes a byte order mark
     except (OSError, UnicodeDecodeError) as error:
         allowed = f"a readable file in UTF-8 ({getattr(error, 'strerror', None) or 'it is not'})"
         raise InputError("SBML file", str(path), allowed) from None
@@ -149,19 +183,18 @@ def parse_sbml(
     molecules: bool | Collection[str] = False,
     only_in: Mapping[str, Any] | None = None,
     units: Mapping[str, str] | None = None,
+    volumes: Mapping[str, float | str] | None = None,
 ) -> SBMLModel:
     """As :func:`read_sbml`, from the text of a file; ``path`` is what messages call it."""
     document, notes = _document(text, Path(path))  # kept: libSBML's objects die with it
     model = document.getModel()
-    _refuse(model)
-    reader = Units(model, units or {})
-    volumes, sizes = _compartments(model, reader)
-    participants = {
-        s.getId(): _participant(s, reader, volumes) for s in _items(model.getListOfSpecies())
-    }
+    _refuse(model, notes)
+    reader = Units(model, units or {}, notes)
+    symbols = Symbols(model, reader, volumes or {}, notes)
+    participants = symbols.participants
     free = {name: p for name, p in participants.items() if not p.constant}
     chosen = _chosen("molecules", molecules, free)
-    places = _places(only_in or {}, volumes)
+    places = _places(only_in or {}, symbols.volumes)
     if isinstance(diffusivity, Mapping):
         _known("diffusivity", diffusivity, free)
     species = [
@@ -173,21 +206,19 @@ def parse_sbml(
         )
         for name, p in free.items()
     ]
-    parameters = {p.getId(): _number("parameter", p) for p in _items(model.getListOfParameters())}
-    laws = Laws(
-        participants, chosen, volumes, {**parameters, **sizes}, places, notes,
-        reader.extent() / reader.value("time"),
-    )  # fmt: skip
+    laws = Laws(symbols, chosen, places, notes)
     reactions: list[Reaction] = []
-    for r in _items(model.getListOfReactions()):
+    for r in items(model.getListOfReactions()):
         reactions += laws.reactions(r)
+    names = [p.getId() for p in items(model.getListOfParameters())]
     return SBMLModel(
         species=species,
         reactions=reactions,
         initial={name: p.initial for name, p in free.items()},
         constants={name: p.initial for name, p in participants.items() if p.constant},
-        volumes=volumes,
-        parameters=parameters,
+        assigned={name: Assigned(tree) for name, tree in symbols.assigned.items()},
+        volumes=symbols.volumes,
+        parameters={name: symbols.number(name) for name in names if name not in symbols.assigned},
         kinds=laws.kinds,
         notes=notes,
     )
@@ -207,14 +238,14 @@ def _document(text: str, path: Path) -> tuple[Any, list[str]]:
         raise InputError("SBML file", str(path), "one with a model")
     for k in range(document.getNumPlugins() if document.getLevel() > 2 else 0):
         name = document.getPlugin(k).getPackageName()
-        if document.getPackageRequired(name):
+        # libSBML's plugin for the functions that version 2 of level 3 has is no package of a file
+        if name != "l3v2extendedmath" and document.getPackageRequired(name):
             raise InputError("SBML package", name, "left out: only core SBML is read")
     document.checkConsistency()
     notes = _raise_errors(path, document)
-    for option in ("expandFunctionDefinitions", "expandInitialAssignments"):
-        properties = libsbml.ConversionProperties()
-        properties.addOption(option, True)
-        document.convert(properties)
+    properties = libsbml.ConversionProperties()
+    properties.addOption("expandFunctionDefinitions", True)
+    document.convert(properties)
     return document, notes
 
 
@@ -238,27 +269,20 @@ def _raise_errors(path: Path, document: Any) -> list[str]:
     return notes
 
 
-def _refuse(model: Any) -> None:
+def _refuse(model: Any, notes: list[str]) -> None:
     """Refuse by name what a set of reactions cannot represent."""
-    for what, found in (
-        ("rule", model.getListOfRules()),
-        ("event", model.getListOfEvents()),
-        ("constraint", model.getListOfConstraints()),
-        ("initial assignment", model.getListOfInitialAssignments()),
-    ):
-        for item in _items(found):
-            name = _name_of(item)
-            kind = item.getElementName() if what == "rule" else what
-            if what == "initial assignment":
-                raise InputError(kind, name, "one that libSBML can turn into a number")
-            raise InputError(f"SBML {kind}", name, "left out: only reactions are represented")
-    for item in (*_items(model.getListOfSpecies()), model):
-        if item.isSetConversionFactor():
-            raise InputError("conversion factor", _name_of(item), "left out")
-    for item in _items(model.getListOfSpecies()):
+    for event in items(model.getListOfEvents()):
+        raise InputError("SBML event", _name_of(event), "left out: only reactions are represented")
+    for rule in items(model.getListOfRules()):
+        if not rule.isAssignment():
+            kind, name = f"SBML {rule.getElementName()}", _name_of(rule)
+            raise InputError(kind, name, "left out: assignment rules and reactions are represented")
+    if model.getListOfConstraints().size():
+        notes.append("constraints are not watched")
+    for item in items(model.getListOfSpecies()):
         if item.isSetSpatialSizeUnits():
             raise InputError("spatialSizeUnits of species", item.getId(), "left out")
-    for item in _items(model.getListOfReactions()):
+    for item in items(model.getListOfReactions()):
         law = item.getKineticLaw()
         if law is not None and (law.isSetSubstanceUnits() or law.isSetTimeUnits()):
             raise InputError("units of the kinetic law of reaction", item.getId(), "left out")
@@ -270,46 +294,6 @@ def _name_of(item: Any) -> str:
         if name:
             return str(name)
     return "(without a name)"
-
-
-def _compartments(model: Any, units: Units) -> tuple[dict[str, float], dict[str, float]]:
-    """Volumes in m³, and as they are written."""
-    volumes, sizes = {}, {}
-    for c in _items(model.getListOfCompartments()):
-        name = c.getId()
-        if c.getSpatialDimensionsAsDouble() != 3:
-            dimensions = c.getSpatialDimensionsAsDouble()
-            raise InputError(f"dimensions of compartment {name}", dimensions, "3")
-        if not c.getConstant():
-            raise InputError(f"compartment {name}", "changing", "of constant size")
-        if not (c.isSetSize() and c.getSize() > 0):
-            raise InputError(f"size of compartment {name}", None, "given and positive")
-        sizes[name] = float(c.getSize())
-        volumes[name] = sizes[name] * units.value("volume", c.getUnits(), f"compartment {name}")
-    return volumes, sizes
-
-
-def _participant(s: Any, units: Units, volumes: Mapping[str, float]) -> Participant:
-    name, where = s.getId(), s.getCompartment()
-    substance = units.value("substance", s.getSubstanceUnits(), f"species {name}")
-    compartment = s.getModel().getCompartment(where)
-    volume_unit = units.value("volume", compartment.getUnits(), f"compartment {where}")
-    if s.isSetInitialConcentration():
-        initial = s.getInitialConcentration() * substance / volume_unit
-    elif s.isSetInitialAmount():
-        initial = s.getInitialAmount() * substance / volumes[where]
-    else:
-        raise InputError(f"initial value of species {name}", None, "given")
-    if not initial >= 0:
-        raise InputError(f"initial value of species {name}", initial, "a number >= 0")
-    amounts = s.getHasOnlySubstanceUnits()
-    return Participant(
-        compartment=where,
-        initial=initial,
-        # one mol/m³ in the unit of the symbol: an amount, or a concentration
-        scale=(volumes[where] if amounts else volume_unit) / substance,
-        constant=bool(s.getConstant() or s.getBoundaryCondition()),
-    )
 
 
 def _chosen(key: str, names: bool | Collection[str], known: Mapping[str, Any]) -> set[str]:
@@ -339,14 +323,3 @@ def _diffusivity(name: str, given: Diffusivity) -> Any:
     if isinstance(value, Mapping):
         return {g: parse(f"{key} in {g}", v, "m^2/s") for g, v in value.items()}
     return parse(key, value, "m^2/s")
-
-
-def _number(what: str, item: Any) -> float:
-    value = float(item.getValue()) if item.isSetValue() else float("nan")
-    if value != value:
-        raise InputError(f"{what} {item.getId()}", None, "given a value")
-    return value
-
-
-def _items(found: Any) -> list[Any]:
-    return [found.get(k) for k in range(found.size())]

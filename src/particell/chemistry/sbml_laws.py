@@ -6,49 +6,20 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from particell.chemistry.formula import (
-    ZERO,
-    Law,
-    Number,
-    Polynomial,
-    Symbol,
-    Tree,
-    operation,
-    polynomial,
-    split,
-    symbols,
-)
+from particell.chemistry.formula import ZERO, Number, Symbol, Tree, call, operation, symbols, timed
+from particell.chemistry.lawcode import Law
+from particell.chemistry.polynomials import Polynomial, polynomial, split
 from particell.chemistry.reactions import HIGHEST_ORDER, Reaction
+from particell.chemistry.sbml_symbols import Participant, Symbols, items
 from particell.errors import InputError
 from particell.materials import AVOGADRO
 
 #: Coefficients count as equal within this relative difference (round-off of the file's numbers).
 ROUND_OFF = 1e-12
+#: Stoichiometries that are not whole become so times a number up to this one.
+MOST_PARTS = 1000
 
 Side = dict[str, int]
-
-
-@dataclass(frozen=True)
-class Participant:
-    """A species of the file.
-
-    Attributes
-    ----------
-    compartment
-        Where it is.
-    initial
-        In mol/m³.
-    scale
-        What its symbol in a formula is at 1 mol/m³: a concentration or an amount in the file's
-        units.
-    constant
-        Whether reactions leave it as it is.
-    """
-
-    compartment: str
-    initial: float
-    scale: float
-    constant: bool
 
 
 @dataclass
@@ -57,72 +28,87 @@ class Laws:
 
     Attributes
     ----------
-    participants
-        All species by id.
+    symbols
+        What names stand for.
     molecules
-        Those that are molecules.
-    volumes
-        Of the compartments, in m³.
-    numbers
-        What parameters and compartments stand for in formulas.
+        Species that are molecules.
     places
         Groups of particles by compartment.
     notes
         Is added to.
-    speed
-        One unit of extent per time in mol/s.
     kinds
         What the reactions have become.
     """
 
-    participants: Mapping[str, Participant]
+    symbols: Symbols
     molecules: set[str]
-    volumes: Mapping[str, float]
-    numbers: Mapping[str, float]
     places: Mapping[str, Any]
     notes: list[str]
-    speed: float
     kinds: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def participants(self) -> Mapping[str, Participant]:
+        """All species by id that no rule assigns."""
+        return self.symbols.participants
+
+    @property
+    def volumes(self) -> Mapping[str, float]:
+        """Of the compartments, in m³."""
+        return self.symbols.volumes
 
     def reactions(self, reaction: Any) -> list[Reaction]:
         """The reaction or reactions that one of the file becomes."""
         name = reaction.getId()
         if reaction.getFast():
             raise InputError("fast reaction", name, "left out: it has no rate of its own")
-        law = reaction.getKineticLaw()
-        if law is None or law.getMath() is None:
-            raise InputError(f"kinetic law of reaction {name}", None, "given")
-        left = self._side(name, reaction.getListOfReactants())
-        right = self._side(name, reaction.getListOfProducts())
-        tree = self._tree(name, law.getMath(), self._local(law))
-        compartment = self._compartment(name, reaction, left, right, tree)
+        parts = {
+            side: self._side(name, references)
+            for side, references in (
+                ("left", reaction.getListOfReactants()),
+                ("right", reaction.getListOfProducts()),
+            )
+        }
+        tree = self.symbols.tree(name)
+        free = {
+            side: {s: n for s, n in numbers.items() if self._changes(s)}
+            for side, numbers in parts.items()
+        }
+        if not any(free.values()) or tree == ZERO:
+            self.kinds[name] = "nothing"
+            why = "has the rate 0" if tree == ZERO else "changes no species"
+            self.notes.append(f"reaction {name} {why} and is left out")
+            return []
+        whole = self._whole(name, free)
         left, right = (
-            {s: n for s, n in side.items() if not self.participants[s].constant}
-            for side in (left, right)
+            {s: round(n * whole) for s, n in numbers.items()} for numbers in free.values()
         )
-        if not left and not right:
-            raise InputError("reaction", name, "one that changes some species")
-        factor = Number(self.speed / self.volumes[compartment])
-        rate = operation("*", factor, tree)
+        compartment = self._compartment(name, (*left, *right), tree)
+        speed = self._speed(name, [*left, *right]) / whole
+        rate = operation("*", Number(speed / self.volumes[compartment]), tree)
         where = self.places.get(compartment)
-        found = self._mass_action(name, rate, left, right, where)
+        # what is declared irreversible happens in one direction alone, as the noise tells
+        one_way = not reaction.getReversible() and bool(self.molecules & {*left, *right})
+        found = self._mass_action(name, rate, left, right, where, one_way)
         self.kinds[name] = "mass action" if found else "rate law"
-        return found or self._custom(name, rate, left, right, where, reaction.getReversible())
+        return found or self._custom(name, rate, left, right, where, one_way)
+
+    def _changes(self, species: str) -> bool:
+        return species in self.participants and not self.participants[species].constant
 
     # --- mass action -------------------------------------------------------------------------
 
     def _mass_action(
-        self, name: str, rate: Tree, left: Side, right: Side, where: Any
+        self, name: str, rate: Tree, left: Side, right: Side, where: Any, one_way: bool
     ) -> list[Reaction] | None:
         expanded = polynomial(rate)
         if expanded is None:
             return None
-        if not expanded:  # a law that is zero: nothing happens
-            return [Reaction(None, 0.0, None, where, reactants=left, products=right)]
+        if not expanded:
+            return None
         leading = self._leading(name, expanded)
         terms = sorted(leading.items(), key=lambda term: term[1] < 0)
         signs = [coefficient > 0 for _, coefficient in terms]
-        if signs not in ([True], [True, False]):
+        if signs not in ([True], [True, False]) or (one_way and len(signs) > 1):
             return None
         made = []
         for (monomial, coefficient), (one, other) in zip(
@@ -176,7 +162,7 @@ class Laws:
     # --- other laws --------------------------------------------------------------------------
 
     def _custom(
-        self, name: str, rate: Tree, left: Side, right: Side, where: Any, reversible: bool
+        self, name: str, rate: Tree, left: Side, right: Side, where: Any, one_way: bool
     ) -> list[Reaction]:
         kinds = {s in self.molecules for s in (*left, *right, *symbols(rate))}
         if len(kinds) > 1:
@@ -186,106 +172,103 @@ class Laws:
                 "of species of one kind (see the argument molecules)",
             )
         molecules = kinds == {True}
-        parts = split(rate)
-        if parts is None:
-            raise InputError(f"law of reaction {name}", "a difference below a fraction", "without")
-        forward, backward = parts
-        if backward != ZERO and molecules and not reversible:
-            allowed = "without differences, for molecules (or marked as reversible)"
-            raise InputError(f"law of irreversible reaction {name}", "a difference", allowed)
+        if timed(rate):
+            raise InputError(f"law of reaction {name}", "the time", "left out")
+        laws = self._laws_of_molecules(name, rate, one_way) if molecules else _laws(rate)
         found = []
-        for tree, one, other in ((forward, left, right), (backward, right, left)):
-            if tree == ZERO:
+        for law, one, other in zip(laws, (left, right), (right, left), strict=False):
+            if law is None:
                 continue
-            law = Law(tree, molecules)
             options: dict[str, Any] = {"propensity" if molecules else "rate_law": law}
             found.append(Reaction(None, 1.0, None, where, **options, reactants=one, products=other))
         return found
 
+    def _laws_of_molecules(self, name: str, rate: Tree, one_way: bool) -> list[Law | None]:
+        """Propensities of the way there and of the way back."""
+        parts = split(rate)
+        if parts is not None and parts[1] == ZERO:
+            return [Law(rate, True)]
+        if one_way:
+            end = "does not happen" if parts is None else "ends the run"
+            self.notes.append(f"reaction {name} is irreversible: it {end} where its law is negative")
+            return [Law(rate, True) if parts is None else Law(parts[0], True, parts[1])]
+        if parts is not None:
+            return [None if part == ZERO else Law(part, True) for part in parts]
+        self.notes.append(
+            f"reaction {name} happens in one direction at a time: its law is no difference of two"
+        )
+        back = operation("*", Number(-1.0), rate)
+        return [Law(call("maximum", each, ZERO), True) for each in (rate, back)]
+
     # --- reading -----------------------------------------------------------------------------
 
-    def _side(self, name: str, references: Any) -> Side:
-        side: Side = {}
-        for k in range(references.size()):
-            reference = references.get(k)
-            species, number = reference.getSpecies(), reference.getStoichiometry()
-            changing = reference.isSetStoichiometryMath() or not (
-                reference.getLevel() < 3 or reference.getConstant()
-            )
+    def _side(self, name: str, references: Any) -> dict[str, float]:
+        side: dict[str, float] = {}
+        for reference in items(references):
+            species = reference.getSpecies()
             key = f"stoichiometry of {species} in reaction {name}"
-            if changing:
-                raise InputError(key, "changing", "constant")
-            if number != number or number != int(number) or number < 1:
-                raise InputError(key, number, "a whole number >= 1")
-            side[species] = side.get(species, 0) + int(number)
+            number = self.symbols.stoichiometry(reference, key)
+            if number < 0:
+                raise InputError(key, number, "a number >= 0")
+            if number:
+                side[species] = side.get(species, 0.0) + number
         return side
 
-    def _local(self, law: Any) -> dict[str, float]:
-        parameters = (
-            law.getListOfLocalParameters() if law.getLevel() > 2 else law.getListOfParameters()
-        )
-        return {
-            parameters.get(k).getId(): float(parameters.get(k).getValue())
-            for k in range(parameters.size())
-        }
+    def _whole(self, name: str, sides: Mapping[str, Mapping[str, float]]) -> int:
+        """What makes all stoichiometries of a reaction whole; 1 for molecules."""
+        numbers = {s: n for side in sides.values() for s, n in side.items()}
+        for parts in range(1, MOST_PARTS + 1):
+            if all(abs(n * parts - round(n * parts)) < 1e-9 * parts for n in numbers.values()):
+                break
+        wrong = [s for s, n in numbers.items() if abs(n - round(n)) > 1e-9]
+        if parts == MOST_PARTS or (parts > 1 and self.molecules & set(numbers)):
+            key = f"stoichiometry of {wrong[0]} in reaction {name}"
+            allowed = "a whole number, for molecules" if parts < MOST_PARTS else "a fraction"
+            raise InputError(key, numbers[wrong[0]], allowed)
+        return parts
 
-    def _compartment(self, name: str, reaction: Any, left: Side, right: Side, tree: Tree) -> str:
-        found = {self.participants[s].compartment for s in (*left, *right, *symbols(tree))}
-        if not found and reaction.getCompartment():
-            found = {reaction.getCompartment()}
-        if len(found) != 1:
-            raise InputError(f"compartments of reaction {name}", sorted(found), "a single one")
-        return found.pop()
+    def _speed(self, name: str, species: list[str]) -> float:
+        """One unit of a reaction's extent per time in mol/s."""
+        units, model = self.symbols.units, self.symbols.model
+        speeds = {}
+        for s in species:
+            item, substance = self.symbols.species[s], self.participants[s].substance
+            factor = item.getConversionFactor() or model.getConversionFactor()
+            if factor:
+                speeds[s] = substance * self.symbols.number(factor)
+                continue
+            speeds[s] = substance
+            if abs(substance / units.extent() - 1) > 1e-9:
+                raise InputError(
+                    f"units of extent of reaction {name}",
+                    f"{units.extent():g} mol",
+                    f"those of species {s} ({substance:g} mol), or a conversionFactor be given",
+                )
+        low, high = min(speeds.values()), max(speeds.values())
+        if high - low > 1e-9 * abs(high) or low <= 0:
+            shown = ", ".join(sorted(set(species)))
+            raise InputError(
+                f"conversion factors of reaction {name}", shown, "alike and positive"
+            )
+        return low / units.value("time")
 
-    def _tree(self, name: str, node: Any, local: Mapping[str, float]) -> Tree:
-        """A formula of libSBML as a tree of concentrations in mol/m³."""
-        import libsbml
+    def _compartment(self, name: str, species: tuple[str, ...], tree: Tree) -> str:
+        found = sorted({self.participants[s].compartment for s in (*species, *symbols(tree))})
+        given = all(c in self.symbols.shared for c in found)
+        alike = len({self.volumes[c] for c in found}) == 1
+        if len(found) > 1 and not (given and alike):
+            written = ", ".join(f"'{c}': '1 um^3'" for c in found)
+            allowed = f"a single one, or of the same volume by volumes={{{written}}}"
+            raise InputError(f"compartments of reaction {name}", found, allowed)
+        places = [self.places.get(c) for c in found]
+        if any(place != places[0] for place in places):
+            raise InputError(f"compartments of reaction {name}", found, "in the same groups")
+        return found[0]
 
-        kind, children = node.getType(), [node.getChild(k) for k in range(node.getNumChildren())]
-        if node.isNumber() or kind == libsbml.AST_NAME_AVOGADRO:
-            return Number(float(node.getValue()))
-        if kind == libsbml.AST_NAME:
-            return self._symbol(name, node.getName(), local)
-        operators = {
-            libsbml.AST_PLUS: "+",
-            libsbml.AST_MINUS: "-",
-            libsbml.AST_TIMES: "*",
-            libsbml.AST_DIVIDE: "/",
-            libsbml.AST_POWER: "^",
-            libsbml.AST_FUNCTION_POWER: "^",
-        }
-        operator = operators.get(kind)
-        if operator is None:
-            text = libsbml.formulaToL3String(node)
-            allowed = "of + - * / and powers of numbers, parameters and species"
-            raise InputError(f"law of reaction {name}", text, allowed)
-        parts = [self._tree(name, child, local) for child in children]
-        if operator == "-" and len(parts) == 1:
-            parts = [ZERO, *parts]
-        if not parts:
-            return Number(1.0 if operator == "*" else 0.0)
-        total = parts[0]
-        try:
-            for part in parts[1:]:
-                total = operation(operator, total, part)
-        except (ArithmeticError, ValueError) as error:
-            text = libsbml.formulaToL3String(node)
-            raise InputError(f"law of reaction {name}", text, f"a number ({error})") from None
-        return total
 
-    def _symbol(self, name: str, symbol: str, local: Mapping[str, float]) -> Tree:
-        if symbol in local:
-            value = local[symbol]
-        elif symbol in self.participants:
-            p = self.participants[symbol]
-            if not p.constant:
-                return operation("*", Number(p.scale), Symbol(symbol))
-            value = p.initial * p.scale
-        elif symbol in self.numbers:
-            value = self.numbers[symbol]
-        else:
-            allowed = "a species, a parameter or a compartment"
-            raise InputError(f"symbol in the law of reaction {name}", symbol, allowed)
-        if value != value:
-            raise InputError(f"parameter {symbol} of reaction {name}", None, "given a value")
-        return Number(value)
+def _laws(rate: Tree) -> list[Law | None]:
+    """Of concentrations: of both ways, or the difference as it stands where it is not seen."""
+    parts = split(rate)
+    if parts is None:
+        return [Law(rate)]
+    return [None if part == ZERO else Law(part) for part in parts]

@@ -36,13 +36,22 @@ class Units:
         Of libSBML.
     given
         What to take where the file says nothing: ``{"substance": "nmol", "time": "min"}``.
+    notes
+        Is told which of them the file says itself.
     """
 
-    def __init__(self, model: Any, given: Mapping[str, str]):
+    def __init__(self, model: Any, given: Mapping[str, str], notes: list[str]):
         self.model, self.given = model, dict(given)
         for key in self.given:
             if key not in SI:
                 raise InputError("units", key, f"of {', '.join(SI)}")
+            parse(f"units: {key}", f"1 {self.given[key]}", SI[key])
+            if self._default(key):
+                factor, own = self.value(key), self._default(key)
+                notes.append(
+                    f"units: '{self.given[key]}' for {key} is not used: the file says "
+                    f"'{own}' ({factor:g} {SI[key]})"
+                )
 
     def value(self, kind: str, name: str = "", where: str = "the model") -> float:
         """One unit of ``kind`` (``"substance"``, ``"volume"``, ``"time"``) in SI.
@@ -60,7 +69,8 @@ class Units:
         if not name:
             if kind in self.given:
                 return parse(f"units: {kind}", f"1 {self.given[kind]}", SI[kind])
-            allowed = f"given in the file or by units={{'{kind}': …}}"
+            missing = {k: u for k, u in SI.items() if k not in self.given and not self._default(k)}
+            allowed = f"given in the file or by units={missing}, say"
             raise InputError(f"units of {kind} of {where}", None, allowed)
         factor, dimensions = self._unit(name)
         if dimensions != _WANTED[kind]:

@@ -76,7 +76,8 @@ class Loop:
             ``"cpu"`` or ``"cuda"``.
         **constants
             A value for every keyword-only parameter of the body: numbers, booleans, or a
-            function compiled by Numba (which switches the disk cache off for this loop).
+            function compiled by Numba. One without the attribute ``disk_key`` (which says what
+            it is, see :mod:`particell.chemistry.lawcode`) switches the disk cache off.
         """
         if set(constants) != set(self.constants):
             raise TypeError(f"{self.__name__} needs constants {self.constants}, got {constants}")
@@ -165,7 +166,8 @@ def _define(
     scope = {**loop.body.__globals__, **extra, **constants}
     exec(code, scope)
     made = scope[loop.__name__]
-    tag = "_".join(f"{k}{v}" for k, v in sorted(constants.items()) if not callable(v))
+    shown = {k: getattr(v, "disk_key", "") if callable(v) else v for k, v in constants.items()}
+    tag = "_".join(f"{k}{v}" for k, v in sorted(shown.items()) if v != "")
     made.__qualname__ = f"{loop.__name__}_{tag}".replace(".", "p").replace("-", "m")
     made.__module__ = loop.body.__module__
     return made
@@ -194,7 +196,7 @@ def _cpu_loop(loop: Loop, constants: dict[str, Any]) -> Callable[..., None]:
         "fastmath": FASTMATH | {"reassoc"} if loop.vectorise else FASTMATH,
         "error_model": "numpy",
         "nogil": True,
-        "cache": not any(callable(value) for value in constants.values()),
+        "cache": all(hasattr(v, "disk_key") for v in constants.values() if callable(v)),
     }
     with compiled_here(loop.body.__code__.co_filename):
         compiled = njit(**options)(cpu_python(loop, constants))

@@ -1,0 +1,184 @@
+"""MathML of an SBML file, as libSBML has parsed it, as trees."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from functools import cache, reduce
+from typing import Any
+
+from particell.chemistry.formula import ONE, ZERO, Call, Number, Tree, call, operation
+from particell.chemistry.polynomials import root
+from particell.errors import InputError
+from particell.materials import AVOGADRO
+
+Lookup = Callable[[str], Tree]
+#: What has no value: NaN.
+UNDEFINED = Call("sqrt", (Number(-1.0),))
+
+_OPERATORS = {"PLUS": "+", "TIMES": "*", "DIVIDE": "/", "POWER": "^", "FUNCTION_POWER": "^"}
+_FUNCTIONS = {
+    "ABS": "abs", "CEILING": "ceil", "EXP": "exp", "FLOOR": "floor", "LN": "log",
+    "SIN": "sin", "COS": "cos", "TAN": "tan", "SINH": "sinh", "COSH": "cosh", "TANH": "tanh",
+    "ARCSIN": "arcsin", "ARCCOS": "arccos", "ARCTAN": "arctan", "ARCSINH": "arcsinh",
+    "ARCCOSH": "arccosh", "ARCTANH": "arctanh",
+}  # fmt: skip
+#: One over the function, or the function of one over the argument.
+_INVERSE = {"SEC": "cos", "CSC": "sin", "COT": "tan", "SECH": "cosh", "CSCH": "sinh",
+            "COTH": "tanh"}  # fmt: skip
+_OF_INVERSE = {"ARCSEC": "arccos", "ARCCSC": "arcsin", "ARCCOT": "arctan", "ARCSECH": "arccosh",
+               "ARCCSCH": "arcsinh", "ARCCOTH": "arctanh"}  # fmt: skip
+_RELATIONS = {"EQ": "==", "GEQ": ">=", "GT": ">", "LEQ": "<=", "LT": "<"}
+_CHAINS = {"FUNCTION_MAX": "maximum", "FUNCTION_MIN": "minimum", "LOGICAL_AND": "and",
+           "LOGICAL_OR": "or"}  # fmt: skip
+_EMPTY = {"PLUS": 0.0, "TIMES": 1.0, "LOGICAL_AND": 1.0, "LOGICAL_OR": 0.0, "LOGICAL_XOR": 0.0}
+_CONSTANTS = {"CONSTANT_E": math.e, "CONSTANT_PI": math.pi, "CONSTANT_TRUE": 1.0,
+              "CONSTANT_FALSE": 0.0, "NAME_AVOGADRO": AVOGADRO}  # fmt: skip
+
+
+@cache
+def _names() -> dict[int, str]:
+    """The names of libSBML's kinds of nodes, without ``AST_``."""
+    import libsbml
+
+    found = {v: k[4:] for k, v in vars(libsbml).items() if k.startswith("AST_") and v is not None}
+    return {v: k for v, k in found.items() if isinstance(v, int)}
+
+
+def tree_of(node: Any, lookup: Lookup, time: Tree, where: str) -> Tree:
+    """A formula of libSBML as a tree.
+
+    Parameters
+    ----------
+    node
+        Its root.
+    lookup
+        What a name stands for.
+    time
+        What the time stands for, in the file's unit.
+    where
+        The formula, for messages.
+
+    Raises
+    ------
+    InputError
+        For functions that have no value here (delays, rates of change), and numbers without one.
+    """
+
+    def fail(part: Any, allowed: str) -> InputError:
+        import libsbml
+
+        text = " ".join(str(libsbml.formulaToL3String(part)).split())
+        return InputError(where, text, allowed)
+
+    def build(part: Any) -> Tree:
+        kind = _names().get(part.getType(), "")
+        if kind == "NAME":
+            return lookup(part.getName())
+        if kind == "NAME_TIME":
+            return time
+        if kind in _CONSTANTS:
+            return Number(_CONSTANTS[kind])
+        if part.isNumber():
+            value = float(part.getValue())
+            if not math.isfinite(value):
+                raise fail(part, "a finite number")
+            return Number(value)
+        try:
+            found = _combined(kind, [build(part.getChild(k)) for k in range(part.getNumChildren())])
+        except (ArithmeticError, ValueError) as error:
+            if isinstance(error, InputError):
+                raise
+            raise fail(part, f"a number ({error})") from None
+        if found is None:
+            raise fail(part, "of arithmetic, its functions and choices: no delay, no rateOf")
+        return found
+
+    return build(node)
+
+
+def _combined(kind: str, parts: Sequence[Tree]) -> Tree | None:
+    """One of MathML's functions; None where it is none that has a value here."""
+    name = kind.removeprefix("FUNCTION_")
+    if not parts:
+        return Number(_EMPTY[kind]) if kind in _EMPTY else None
+    if kind == "MINUS":
+        return operation("*", Number(-1.0), parts[0]) if len(parts) == 1 else _minus(*parts)
+    if kind in _OPERATORS:
+        return reduce(lambda a, b: operation(_OPERATORS[kind], a, b), parts)
+    if kind in _CHAINS:
+        return reduce(lambda a, b: call(_CHAINS[kind], a, b), parts)
+    if kind.startswith("RELATIONAL_"):
+        return _relation(kind.removeprefix("RELATIONAL_"), parts)
+    if name in _FUNCTIONS:
+        return call(_FUNCTIONS[name], parts[0])
+    if name in _INVERSE:
+        return operation("/", ONE, call(_INVERSE[name], parts[0]))
+    if name in _OF_INVERSE:
+        return call(_OF_INVERSE[name], operation("/", ONE, parts[0]))
+    rule = _OTHERS.get(kind)
+    return rule(*parts) if rule else None
+
+
+def _minus(left: Tree, right: Tree) -> Tree:
+    return operation("-", left, right)
+
+
+def _relation(name: str, parts: Sequence[Tree]) -> Tree:
+    """a < b < c holds where both do."""
+    if name == "NEQ":
+        return call("!=", *parts)
+    pairs = [call(_RELATIONS[name], a, b) for a, b in zip(parts, parts[1:], strict=False)]
+    return reduce(lambda a, b: call("and", a, b), pairs)
+
+
+def _logarithm(*parts: Tree) -> Tree:
+    base, number = parts if len(parts) == 2 else (Number(10.0), parts[0])
+    return operation("/", call("log", number), call("log", base))
+
+
+def _root(*parts: Tree) -> Tree:
+    degree, number = parts if len(parts) == 2 else (Number(2.0), parts[0])
+    return root(number, degree)
+
+
+def _piecewise(*parts: Tree) -> Tree:
+    """Pairs of a value and its condition, perhaps another value at the end.
+
+    Without one there is no value where no condition holds.
+    """
+    pairs = list(zip(parts[::2], parts[1::2], strict=False))
+    total = parts[-1] if len(parts) % 2 else UNDEFINED
+    for value, condition in reversed(pairs):
+        total = call("where", condition, value, total)
+    return total
+
+
+def _xor(*parts: Tree) -> Tree:
+    truths = [call("!=", part, ZERO) for part in parts]
+    return reduce(lambda a, b: call("!=", a, b), truths)
+
+
+def _quotient(a: Tree, b: Tree) -> Tree:
+    """The whole part of a/b, towards zero."""
+    ratio = operation("/", a, b)
+    return call("where", call("<", ratio, ZERO), call("ceil", ratio), call("floor", ratio))
+
+
+def _factorial(number: Tree) -> Tree:
+    if not isinstance(number, Number):
+        raise ValueError("the factorial of what varies")
+    return Number(math.gamma(number.value + 1.0))
+
+
+_OTHERS: dict[str, Callable[..., Tree]] = {
+    "FUNCTION_LOG": _logarithm,
+    "FUNCTION_ROOT": _root,
+    "FUNCTION_PIECEWISE": _piecewise,
+    "FUNCTION_QUOTIENT": _quotient,
+    "FUNCTION_REM": lambda a, b: _minus(a, operation("*", b, _quotient(a, b))),
+    "FUNCTION_FACTORIAL": _factorial,
+    "LOGICAL_NOT": lambda a: call("not", a),
+    "LOGICAL_XOR": _xor,
+    "LOGICAL_IMPLIES": lambda a, b: call("or", call("not", a), b),
+}

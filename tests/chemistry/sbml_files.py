@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 MATHML = "http://www.w3.org/1998/Math/MathML"
@@ -94,23 +95,28 @@ def write(
     parameters: str = "",
     extra: str = "",
     functions: str = "",
-    volume: float = 2.0,
+    volume: float | None = 2.0,
     dimensions: int = 3,
     substance: str = "mmol",
     more: str = "",
+    time: str = "minute",
+    version: int = 1,
+    extent: str = "",
+    head: str = "",
 ) -> Path:
-    """A file of level 3 with one compartment ``cell`` in litres, and time in minutes."""
+    """A file of level 3 with one compartment ``cell`` in litres."""
     given = "".join(
         '<parameter id="{}" value="{}" constant="true"/>'.format(*p.split("="))
         for p in parameters.split()
     )
-    path.write_text(
+    size = "" if volume is None else f' size="{volume}"'
+    text = (
         '<?xml version="1.0" encoding="UTF-8"?>'
-        '<sbml xmlns="http://www.sbml.org/sbml/level3/version1/core" level="3" version="1">'
-        f'<model id="model" substanceUnits="{substance}" extentUnits="{substance}" '
-        'volumeUnits="litre" timeUnits="minute">'
+        f'<sbml xmlns="http://www.sbml.org/sbml/level3/version{version}/core" level="3" '
+        f'version="{version}"><model id="model" substanceUnits="{substance}" '
+        f'extentUnits="{extent or substance}" volumeUnits="litre" timeUnits="{time}"{head}>'
         f"{functions}{UNITS}"
-        f'<listOfCompartments><compartment id="cell" size="{volume}" constant="true" '
+        f'<listOfCompartments><compartment id="cell"{size} constant="true" '
         f'spatialDimensions="{dimensions}"/></listOfCompartments>'
         f"<listOfSpecies>{''.join(content)}</listOfSpecies>"
         + (f"<listOfParameters>{given}{more}</listOfParameters>" if given or more else "")
@@ -119,4 +125,7 @@ def write(
         + extra.partition("|")[2]
         + "</model></sbml>"
     )
+    if version > 1:
+        text = re.sub(r' fast="(true|false)"', "", text)
+    path.write_text(text)
     return path

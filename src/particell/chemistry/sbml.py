@@ -250,7 +250,7 @@ def _document(text: str, path: Path) -> tuple[Any, list[str]]:
 
 
 #: libSBML's numbers for "some units are not declared, so they were not checked".
-_UNDECLARED = range(99500, 99600)
+_UNDECLARED = (20702, *range(99500, 99600))
 
 
 def _raise_errors(path: Path, document: Any) -> list[str]:

@@ -18,20 +18,45 @@ UNITS = """
 """
 
 
+SYMBOL = '<csymbol encoding="text" definitionURL="http://www.sbml.org/sbml/symbols/{0}"> {0} '
+CONSTANTS = ("pi", "exponentiale", "true", "false")
+
+
 def math(formula: str) -> str:
-    """Content MathML of a formula such as ``(* cell k A)``: prefix notation in brackets."""
+    """Content MathML of a formula such as ``(* cell k A)``: prefix notation in brackets.
+
+    ``(piecewise 1 (lt A 2) 3)`` has values and conditions in turn, ``(root degree 3 A)`` and
+    ``(log logbase 2 A)`` a degree or a base; ``time`` and ``avogadro`` are the symbols of SBML.
+    """
     tokens = formula.replace("(", " ( ").replace(")", " ) ").split()
     names = {"+": "plus", "-": "minus", "*": "times", "/": "divide", "^": "power"}
 
     def parse() -> str:
         token = tokens.pop(0)
-        if token == "(":
-            inner = f"<{names.get(tokens[0], tokens[0])}/>"
-            tokens.pop(0)
-            while tokens[0] != ")":
-                inner += parse()
-            tokens.pop(0)
-            return f"<apply>{inner}</apply>"
+        if token != "(":
+            return leaf(token)
+        function, parts = tokens.pop(0), []
+        while tokens[0] != ")":
+            if tokens[0] in ("degree", "logbase"):
+                qualifier = tokens.pop(0)
+                parts.append(f"<{qualifier}>{parse()}</{qualifier}>")
+            else:
+                parts.append(parse())
+        tokens.pop(0)
+        if function == "piecewise":
+            pairs = zip(parts[::2], parts[1::2], strict=False)
+            inner = "".join(f"<piece>{value}{condition}</piece>" for value, condition in pairs)
+            rest = f"<otherwise>{parts[-1]}</otherwise>" if len(parts) % 2 else ""
+            return f"<piecewise>{inner}{rest}</piecewise>"
+        if function in ("delay", "rateOf"):
+            return f"<apply>{SYMBOL.format(function)}</csymbol>{''.join(parts)}</apply>"
+        return f"<apply><{names.get(function, function)}/>{''.join(parts)}</apply>"
+
+    def leaf(token: str) -> str:
+        if token in CONSTANTS:
+            return f"<{token}/>"
+        if token in ("time", "avogadro"):
+            return SYMBOL.format(token) + "</csymbol>"
         try:
             float(token)
         except ValueError:
@@ -103,6 +128,7 @@ def write(
     version: int = 1,
     extent: str = "",
     head: str = "",
+    fixed: bool = True,
 ) -> Path:
     """A file of level 3 with one compartment ``cell`` in litres."""
     given = "".join(
@@ -116,7 +142,8 @@ def write(
         f'version="{version}"><model id="model" substanceUnits="{substance}" '
         f'extentUnits="{extent or substance}" volumeUnits="litre" timeUnits="{time}"{head}>'
         f"{functions}{UNITS}"
-        f'<listOfCompartments><compartment id="cell"{size} constant="true" '
+        f'<listOfCompartments><compartment id="cell"{size} '
+        f'constant="{str(fixed).lower()}" '
         f'spatialDimensions="{dimensions}"/></listOfCompartments>'
         f"<listOfSpecies>{''.join(content)}</listOfSpecies>"
         + (f"<listOfParameters>{given}{more}</listOfParameters>" if given or more else "")

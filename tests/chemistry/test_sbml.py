@@ -301,15 +301,17 @@ def test_refused_by_name(read, arguments, words):
     assert "\n" not in str(error.value)
 
 
-def test_time_delay_and_transport_are_refused(read, tmp_path):
-    symbol = "http://www.sbml.org/sbml/symbols/"
-    for url, words in (("time", "reaction d"), ("delay", "reaction d")):
-        found = f'<csymbol encoding="text" definitionURL="{symbol}{url}"> t </csymbol>'
-        if url == "delay":
-            found = f"<apply>{found}<ci> A </ci><cn> 1 </cn></apply>"
-        law = DECAY[0].replace("<ci> k </ci>", found)
+def test_delays_and_transport_are_refused(read, tmp_path):
+    for formula, words in (
+        ("(* cell (delay A 1))", r"law of reaction d = 'delay\(A, 1\)'"),
+        ("(* cell k (rateOf B))", r"law of reaction d = 'rateOf\(B\)'"),
+    ):
         with pytest.raises(InputError, match=words):
-            read(A, [law])
+            content = [*A, species("B", "Concentration=1")]
+            read(content, [reaction("d", "A", "", formula, "k=1", modifiers="B")], version=2)
+    with pytest.raises(InputError, match="law of reaction d = 'the time'"):
+        law = reaction("d", "A", "", "(* cell k time A)", "k=1")
+        read(A, [law], {"molecules": True})
     path = write(tmp_path / "two.xml", [*A, species("B", "Concentration=1")],
                  [reaction("t", "A", "B", "(* k A)", "k=1")])  # fmt: skip
     text = path.read_text().replace(
@@ -318,7 +320,7 @@ def test_time_delay_and_transport_are_refused(read, tmp_path):
         "</listOfCompartments>",
     )
     path.write_text(text.replace('id="B" compartment="cell"', 'id="B" compartment="out"'))
-    with pytest.raises(InputError, match="compartments of reaction t"):
+    with pytest.raises(InputError, match=r"compartments of reaction t.*volumes=\{'cell': '1 um"):
         pc.read_sbml(path)
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import ast
 from collections.abc import Mapping
 
-from particell.casefile.formula import Formula
+from particell.casefile.formula import TIME, Formula
 from particell.casefile.scope import Scope
-from particell.chemistry.formula import Number, Symbol, Tree, call, operation
+from particell.chemistry.formula import Number, Symbol, Time, Tree, call, operation, timed
 from particell.chemistry.lawcode import Law
 from particell.units import registry
 
@@ -29,7 +29,7 @@ _RULES: dict[type[ast.AST], str] = {
 
 
 def law_of(key: str, text: str, scope: Scope, molecules: bool) -> Law:
-    """The law of a formula of species (in mol/m³) and constants.
+    """The law of a formula of species (in mol/m³), constants and the time t.
 
     Raises
     ------
@@ -38,23 +38,29 @@ def law_of(key: str, text: str, scope: Scope, molecules: bool) -> Law:
     """
     formula = Formula(key, text if text.lstrip().startswith("=") else f"={text}")
     constants = {k: v for k, v in scope.constants.values.items() if k not in scope.species}
-    formula.require({*constants, *scope.species})
+    formula.require({*constants, *scope.species, TIME})
     one = registry().Quantity(1.0, "mol/m^3")
     quantities = scope.constants.quantities | dict.fromkeys(scope.species, one)
+    quantities.setdefault(TIME, registry().Quantity(1.0, "s"))
     formula.check_unit(quantities, "mol/m^3/s")
     try:
-        return Law(_tree(formula, formula.tree, constants), molecules)
+        tree = _tree(formula, formula.tree, constants)
     except (ArithmeticError, ValueError) as error:
         if hasattr(error, "allowed"):
             raise
         raise formula.error(f"a formula with a result ({error})") from None
+    if molecules and timed(tree):
+        raise formula.error(f"without the time {TIME}, where species are molecules")
+    return Law(tree, molecules)
 
 
 def _tree(formula: Formula, node: ast.expr, constants: Mapping[str, float]) -> Tree:
     if isinstance(node, ast.Constant):
         return Number(float(node.value))  # type: ignore[arg-type]
     if isinstance(node, ast.Name):
-        return Number(constants[node.id]) if node.id in constants else Symbol(node.id)
+        if node.id in constants:
+            return Number(constants[node.id])
+        return Time() if node.id == TIME else Symbol(node.id)
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.UAdd):
         inner = _tree(formula, node.operand, constants)
         return inner if isinstance(node.op, ast.UAdd) else operation("*", Number(-1.0), inner)

@@ -174,6 +174,10 @@ class Chemistry(Contents):
         self._exchanging = bool(
             len(self.deterministic.diffusing) or self._jump_tables or self._areas
         )
+        if together and self.deterministic.timed:
+            wrong = "laws that depend on the time"
+            allowed = "left out where molecules and concentrations react together"
+            raise InputError("reactions", wrong, allowed)
         self._together, self.pace = together, math.inf
         self._joint = joint_fields(device, tables, self._amounts) if together else {}
         self._remarks = Remarks(device, tables, (self._amounts, self._counts))
@@ -240,7 +244,7 @@ class Chemistry(Contents):
         tau
             In s.
         time
-            In s, for messages.
+            At the end of the step in s, for messages and for laws that depend on it.
 
         Raises
         ------
@@ -248,13 +252,13 @@ class Chemistry(Contents):
             Where reactions are too fast to be computed, naming a particle.
         """
         self._bind()
-        self._time = time
+        self._time, begin = time, time - tau
         n = self.particles.n
         for numbers in self._thresholds:
             self._switch_kind(n, *numbers, step_index)
         parts = self._parts(tau)
         for part in range(parts):
-            self._split_step(step_index, tau / parts, part)
+            self._split_step(step_index, tau / parts, part, begin + part * tau / parts)
 
     def _parts(self, tau: float) -> int:
         """How many split steps a step of tau needs, see :data:`PART_OF_REACTION`."""
@@ -268,17 +272,18 @@ class Chemistry(Contents):
             raise InputError("step of species", tau, allowed)
         return parts
 
-    def _split_step(self, step: int, tau: float, part: int) -> None:
+    def _split_step(self, step: int, tau: float, part: int, begin: float) -> None:
         n = self.particles.n
         self._prepare(n)
         self._hold(step)
         strang = self.splitting == "strang"
         if strang:
-            self._react(step, 0.5 * tau, 2 * part + 1)
+            self._react(step, 0.5 * tau, 2 * part + 1, begin)
+            begin += 0.5 * tau
             self._hold(step)
             self._prepare(n)
         self._diffuse(step, tau, strang, part)
-        self._react(step, 0.5 * tau if strang else tau, 2 * part)
+        self._react(step, 0.5 * tau if strang else tau, 2 * part, begin)
         self._hold(step)
 
     def relax(self, name: str, fraction: Any, target: Any, step_index: int) -> None:
@@ -353,15 +358,18 @@ class Chemistry(Contents):
             if self.stochastic.names:
                 self._hold_counts(n, step)
 
-    def _react(self, step: int, tau: float, part: int) -> None:
-        """All reactions; ``part`` tells apart the random numbers of the parts of a step."""
+    def _react(self, step: int, tau: float, part: int, begin: float) -> None:
+        """All reactions during tau from a time on.
+
+        ``part`` tells apart the random numbers of the parts of a step.
+        """
         n, f = self.particles.n, self._fields
         lanes = len(f["work"])
         if self._together:
             self._react_together(lanes, n, tau, step, part)
             self.pace = float(self.device.to_host(f["pace"]).max())
         elif self.deterministic.reactions:
-            self._react_amounts(lanes, n, tau)
+            self._react_amounts(lanes, n, tau, begin)
         if self._together or self.deterministic.reactions:
             substeps = self.device.to_host(f["substeps"])
             self.substeps = int(substeps.max())

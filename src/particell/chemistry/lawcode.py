@@ -30,6 +30,7 @@ from particell.chemistry.formula import (
     children,
     nodes,
     symbols,
+    timed,
 )
 from particell.errors import unknown_name
 from particell.materials import AVOGADRO
@@ -40,6 +41,9 @@ HIGHEST_POWER = 8
 DEEPEST = 12
 #: A difference is round-off within this part of what is subtracted.
 ROUND_OFF = 1e-9
+#: The time in s stands after the concentrations times this, small beside most of them: what is
+#: resolved of a concentration follows from the largest.
+CLOCK = 1e-9
 _SCOPE = {
     "math": math,
     "__builtins__": {"abs": abs, "float": float, "max": max, "min": min, "round": round},
@@ -56,7 +60,8 @@ class Law:
         The rate in mol/m³/s, of concentrations in mol/m³ and the time in s.
     molecules
         Whether the species are molecules: then the function is the propensity ``f(N, V, k)``, the
-        rate at the concentrations N/(V 𝒩) times V 𝒩; else it is ``f(C, k)``.
+        rate at the concentrations N/(V 𝒩) times V 𝒩; else it is ``f(C, k)``, where the time
+        times :data:`CLOCK` stands after the species.
     taken
         What is subtracted from the rate, where the difference must not be negative: below
         round-off it is NaN then, which stops a run.
@@ -65,6 +70,11 @@ class Law:
     tree: Tree
     molecules: bool = False
     taken: Tree | None = None
+
+    @property
+    def timed(self) -> bool:
+        """Whether it depends on the time."""
+        return timed(self.tree)
 
     @property
     def arguments(self) -> str:
@@ -186,7 +196,7 @@ class _Writer:
         if isinstance(node, Number):
             return (repr(node.value) if node.value >= 0 else f"({node.value!r})"), 0
         if isinstance(node, Time):
-            return "t", 0
+            return f"(C[{len(self.columns)}] / {CLOCK!r})", 1
         if isinstance(node, Symbol):
             return self._species(node.name, 1.0), 0
         if isinstance(node, Call):

@@ -1,23 +1,50 @@
 """Deterministic reactions of concentrations: a loop over the particles.
 
-The equations and how they are integrated are in :mod:`particell.chemistry.integrators`.
+The equations and how they are integrated are in :mod:`particell.chemistry.integrators`. Where laws
+depend on the time it is one more of what they describe: a clock that every particle starts with.
 """
 
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numba import njit
 
 from particell.chemistry.integrators import EDGE, INNER, advance, law_value, reaction_rate
+from particell.chemistry.lawcode import CLOCK
 from particell.compute.loop import particle_loop
+
+if TYPE_CHECKING:
+    from particell.chemistry.network import Tables
 
 #: Lanes share the particles between them; each has one row of scratch memory.
 LANES = 512
 #: What is found of a reaction (bits of ``found``): its law takes what is not there, is negative
 #: (a propensity), or is not finite.
 TAKES_TOO_MUCH, NEGATIVE, NOT_FINITE = 1, 2, 4
+
+
+def with_clock(tables: Tables) -> dict[str, np.ndarray]:
+    """The tables of reactions, with a clock as last species and what drives it as last reaction."""
+    found = {
+        "reactants": tables.reactants,
+        "net": tables.net,
+        "rate": tables.rate,
+        "law": tables.law,
+        "takes_part": tables.takes_part,
+    }
+    if not tables.timed:
+        return found
+    rows, columns = ((0, 1), (0, 0)), ((0, 1), (0, 1))
+    found["reactants"] = np.pad(tables.reactants, rows, constant_values=-1)
+    found["net"] = np.pad(tables.net, columns)
+    found["net"][-1, -1] = 1
+    found["rate"] = np.pad(tables.rate, ((0, 0), (0, 1)), constant_values=CLOCK)
+    found["law"] = np.pad(tables.law, (0, 1))
+    found["takes_part"] = np.pad(tables.takes_part, columns)
+    return found
 
 
 @njit(**INNER)
@@ -72,6 +99,7 @@ def react(
     lane,
     rows,
     tau,
+    time,
     group,
     volume,
     rate,
@@ -89,7 +117,7 @@ def react(
     LAW,
     SWITCH,
 ):
-    """Reactions during tau in the particles of a lane, one after the other.
+    """Reactions during tau from a time on in the particles of a lane, one after the other.
 
     ``LAW(m, C, k)`` is the m-th user-given rate law; None where there is none.
     ``substeps[lane]`` is the largest number of sub-steps; where the integration failed in particle
@@ -103,17 +131,20 @@ def react(
     w = work[row]
     most = 0
     failed = -1
-    n = amount.shape[1]
+    columns = amount.shape[1]
+    n = net.shape[1]  # perhaps with a clock
     rates = 8 * n + n * n
     for i in range(row * rows // lanes, (row + 1) * rows // lanes):
         if failed >= 0:
             break
-        for s in range(n):
+        for s in range(columns):
             w[s] = max(0.0, amount[i, s] / volume[i])
+        for s in range(columns, n):
+            w[s] = time * CLOCK
         for r in range(rate.shape[1]):
             w[rates + r] = rate[group[i], r]
         if SWITCH:
-            for s in range(n):
+            for s in range(columns):
                 if partner[s] >= 0 and continuous[i, partner[s]] == 0:
                     w[s] = 0.0
                     for r in range(rate.shape[1]):
@@ -127,7 +158,7 @@ def react(
             failed = i if steps == -1 else i + rows
         most = max(most, steps)
         if steps != 0:
-            for s in range(n):
+            for s in range(columns):
                 if SWITCH and partner[s] >= 0 and continuous[i, max(partner[s], 0)] == 0:
                     continue
                 amount[i, s] = with_change(amount[i, s], w[s], volume[i])

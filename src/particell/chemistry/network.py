@@ -76,6 +76,8 @@ class Tables:
         int64 (R, A), of molecules: change of each concentration, in molecules.
     labels
         The reactions as they were written, for messages.
+    timed
+        Whether a law depends on the time.
     """
 
     names: list[str]
@@ -98,6 +100,7 @@ class Tables:
     shared: np.ndarray
     net_amount: np.ndarray
     labels: list[str]
+    timed: bool = False
 
     @property
     def switching(self) -> np.ndarray:
@@ -308,6 +311,10 @@ def _fill_reaction(
     if law is not None:
         if isinstance(law, Law):  # a formula with the species' names in it
             tables.laws.append(law.body(tables.names))
+            tables.timed |= law.timed
+            if law.timed and (other is not None):
+                allowed = "without the time, where species are molecules"
+                raise InputError("law of reaction", reaction.label, allowed)
         else:
             _check_call(reaction, law, len(tables.names))
             tables.laws.append(law if hasattr(law, "py_func") else njit(law))

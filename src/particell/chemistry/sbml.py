@@ -243,9 +243,6 @@ def _document(text: str, path: Path) -> tuple[Any, list[str]]:
             raise InputError("SBML package", name, "left out: only core SBML is read")
     document.checkConsistency()
     notes = _raise_errors(path, document)
-    properties = libsbml.ConversionProperties()
-    properties.addOption("expandFunctionDefinitions", True)
-    document.convert(properties)
     return document, notes
 
 
@@ -280,8 +277,9 @@ def _refuse(model: Any, notes: list[str]) -> None:
     if model.getListOfConstraints().size():
         notes.append("constraints are not watched")
     for item in items(model.getListOfSpecies()):
-        if item.isSetSpatialSizeUnits():
-            raise InputError("spatialSizeUnits of species", item.getId(), "left out")
+        own = item.getSpatialSizeUnits()
+        if own and own != model.getCompartment(item.getCompartment()).getUnits():
+            raise InputError("spatialSizeUnits of species", item.getId(), "those of its compartment")
     for item in items(model.getListOfReactions()):
         law = item.getKineticLaw()
         if law is not None and (law.isSetSubstanceUnits() or law.isSetTimeUnits()):

@@ -172,8 +172,9 @@ class Laws:
                 "of species of one kind (see the argument molecules)",
             )
         molecules = kinds == {True}
-        if timed(rate):
-            raise InputError(f"law of reaction {name}", "the time", "left out")
+        if molecules and timed(rate):
+            allowed = "left out where species are molecules (concentrations may have it)"
+            raise InputError(f"law of reaction {name}", "the time", allowed)
         laws = self._laws_of_molecules(name, rate, one_way) if molecules else _laws(rate)
         found = []
         for law, one, other in zip(laws, (left, right), (right, left), strict=False):
@@ -219,13 +220,12 @@ class Laws:
         numbers = {s: n for side in sides.values() for s, n in side.items()}
         for parts in range(1, MOST_PARTS + 1):
             if all(abs(n * parts - round(n * parts)) < 1e-9 * parts for n in numbers.values()):
+                if parts == 1 or not self.molecules & set(numbers):
+                    return parts
                 break
-        wrong = [s for s, n in numbers.items() if abs(n - round(n)) > 1e-9]
-        if parts == MOST_PARTS or (parts > 1 and self.molecules & set(numbers)):
-            key = f"stoichiometry of {wrong[0]} in reaction {name}"
-            allowed = "a whole number, for molecules" if parts < MOST_PARTS else "a fraction"
-            raise InputError(key, numbers[wrong[0]], allowed)
-        return parts
+        wrong = next(s for s, n in numbers.items() if abs(n - round(n)) > 1e-9)
+        allowed = f"whole for molecules, else a fraction with a denominator up to {MOST_PARTS}"
+        raise InputError(f"stoichiometry of {wrong} in reaction {name}", numbers[wrong], allowed)
 
     def _speed(self, name: str, species: list[str]) -> float:
         """One unit of a reaction's extent per time in mol/s."""

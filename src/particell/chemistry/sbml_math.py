@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache, reduce
 from typing import Any
 
@@ -13,6 +13,8 @@ from particell.errors import InputError
 from particell.materials import AVOGADRO
 
 Lookup = Callable[[str], Tree]
+#: Functions within functions.
+DEEPEST = 50
 #: What has no value: NaN.
 UNDEFINED = Call("sqrt", (Number(-1.0),))
 
@@ -45,7 +47,9 @@ def _names() -> dict[int, str]:
     return {v: k for v, k in found.items() if isinstance(v, int)}
 
 
-def tree_of(node: Any, lookup: Lookup, time: Tree, where: str) -> Tree:
+def tree_of(
+    node: Any, lookup: Lookup, time: Tree, where: str, functions: Mapping[str, Any]
+) -> Tree:
     """A formula of libSBML as a tree.
 
     Parameters
@@ -58,6 +62,8 @@ def tree_of(node: Any, lookup: Lookup, time: Tree, where: str) -> Tree:
         What the time stands for, in the file's unit.
     where
         The formula, for messages.
+    functions
+        The file's own functions, by name.
 
     Raises
     ------
@@ -71,7 +77,16 @@ def tree_of(node: Any, lookup: Lookup, time: Tree, where: str) -> Tree:
         text = " ".join(str(libsbml.formulaToL3String(part)).split())
         return InputError(where, text, allowed)
 
-    def build(part: Any) -> Tree:
+    def own(part: Any, arguments: Sequence[Tree], depth: int) -> Tree:
+        """A function of the file with its arguments put in."""
+        body = functions[part.getName()].getMath()
+        last = body.getNumChildren() - 1 if body is not None else -1
+        if last != len(arguments) or depth > DEEPEST:
+            raise fail(part, "a call of a function with its arguments")
+        bound = {body.getChild(k).getName(): a for k, a in enumerate(arguments)}
+        return build(body.getChild(last), lambda n: bound[n] if n in bound else lookup(n), depth)
+
+    def build(part: Any, lookup: Lookup, depth: int) -> Tree:
         kind = _names().get(part.getType(), "")
         if kind == "NAME":
             return lookup(part.getName())
@@ -85,7 +100,12 @@ def tree_of(node: Any, lookup: Lookup, time: Tree, where: str) -> Tree:
                 raise fail(part, "a finite number")
             return Number(value)
         try:
-            found = _combined(kind, [build(part.getChild(k)) for k in range(part.getNumChildren())])
+            parts = [
+                build(part.getChild(k), lookup, depth) for k in range(part.getNumChildren())
+            ]
+            if kind == "FUNCTION" and part.getName() in functions:
+                return own(part, parts, depth + 1)
+            found = _combined(kind, parts)
         except (ArithmeticError, ValueError) as error:
             if isinstance(error, InputError):
                 raise
@@ -94,7 +114,7 @@ def tree_of(node: Any, lookup: Lookup, time: Tree, where: str) -> Tree:
             raise fail(part, "of arithmetic, its functions and choices: no delay, no rateOf")
         return found
 
-    return build(node)
+    return build(node, lookup, 0)
 
 
 def _combined(kind: str, parts: Sequence[Tree]) -> Tree | None:

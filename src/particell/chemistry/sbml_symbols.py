@@ -51,7 +51,7 @@ class Symbols:
     Parameters
     ----------
     model
-        Of libSBML, with functions expanded.
+        Of libSBML.
     units
         Its units.
     given
@@ -77,6 +77,7 @@ class Symbols:
         self.model, self.units, self.notes = model, units, notes
         self.species = {s.getId(): s for s in items(model.getListOfSpecies())}
         self.compartments = {c.getId(): c for c in items(model.getListOfCompartments())}
+        self.functions = {f.getId(): f for f in items(model.getListOfFunctionDefinitions())}
         self._parameters = {p.getId(): p for p in items(model.getListOfParameters())}
         self._reactions = {r.getId(): r for r in items(model.getListOfReactions())}
         self._references = {
@@ -101,6 +102,9 @@ class Symbols:
         }
         self.assigned = {name: self.tree(name) for name in self._rules}
 
+    def _formula(self, node: Any, lookup: Callable[[str], Tree], time: Tree, where: str) -> Tree:
+        return tree_of(node, lookup, time, where, self.functions)
+
     # --- numbers at the beginning -------------------------------------------------------------
 
     def number(self, name: str) -> float:
@@ -124,7 +128,7 @@ class Symbols:
         math_node = self._initial.get(name) or self._rules.get(name)
         if math_node is not None:
             where = f"assignment of {name}"
-            return self._at_start(tree_of(math_node, self._starting, ZERO, where), where)
+            return self._at_start(self._formula(math_node, self._starting, ZERO, where), where)
         if name in self.compartments:
             return self._known(f"size of compartment {name}", self.sizes[name])
         if name in self.species:
@@ -182,7 +186,7 @@ class Symbols:
 
     def _tree(self, name: str) -> Tree:
         if name in self._rules:
-            return tree_of(self._rules[name], self.tree, self.time, f"rule of {name}")
+            return self._formula(self._rules[name], self.tree, self.time, f"rule of {name}")
         if name in self.participants and not self.participants[name].constant:
             return operation("*", Number(self.participants[name].scale), Symbol(name))
         if name in self._reactions:
@@ -208,13 +212,13 @@ class Symbols:
                 return Number(self._given(what, local[symbol]))
             return lookup(symbol)
 
-        return tree_of(law.getMath(), inside, time, f"law of reaction {name}")
+        return self._formula(law.getMath(), inside, time, f"law of reaction {name}")
 
     def stoichiometry(self, reference: Any, key: str) -> float:
         """How many of its species a reference stands for."""
         if reference.isSetStoichiometryMath():
             node = reference.getStoichiometryMath().getMath()
-            tree = tree_of(node, self.tree, self.time, key)
+            tree = self._formula(node, self.tree, self.time, key)
         elif reference.getId() and reference.getId() in {**self._initial, **self._rules}:
             tree = self.tree(reference.getId())
         else:
@@ -263,7 +267,7 @@ class Symbols:
             def inside(other: str) -> Tree:
                 return self._guarded(other, self._fixed)
 
-            return tree_of(self._rules[name], inside, self.time, f"rule of {name}")
+            return self._formula(self._rules[name], inside, self.time, f"rule of {name}")
         if name in self.species or name in self._reactions:
             return Symbol(name)
         return Number(self.number(name))

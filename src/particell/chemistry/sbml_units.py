@@ -46,8 +46,9 @@ class Units:
             if key not in SI:
                 raise InputError("units", key, f"of {', '.join(SI)}")
             parse(f"units: {key}", f"1 {self.given[key]}", SI[key])
-            if self._default(key):
-                factor, own = self.value(key), self._default(key)
+            own = self._default(key)
+            if own and not self._plain(own, key):
+                factor = self.value(key)
                 notes.append(
                     f"units: '{self.given[key]}' for {key} is not used: the file says "
                     f"'{own}' ({factor:g} {SI[key]})"
@@ -66,7 +67,7 @@ class Units:
             The element, for messages.
         """
         name = name or self._default(kind)
-        if not name:
+        if not name or self._plain(name, kind):
             if kind in self.given:
                 return parse(f"units: {kind}", f"1 {self.given[kind]}", SI[kind])
             missing = {k: u for k, u in SI.items() if k not in self.given and not self._default(k)}
@@ -74,7 +75,10 @@ class Units:
             raise InputError(f"units of {kind} of {where}", None, allowed)
         factor, dimensions = self._unit(name)
         if dimensions != _WANTED[kind]:
-            raise InputError(f"units of {kind} of {where}", name, f"of the dimension of {SI[kind]}")
+            allowed = f"of the dimension of {SI[kind]}"
+            if not dimensions:
+                allowed += f", or be said by units={{'{kind}': …}}"
+            raise InputError(f"units of {kind} of {where}", name, allowed)
         return factor
 
     def extent(self) -> float:
@@ -87,6 +91,10 @@ class Units:
             return getattr(self.model, f"get{kind.capitalize()}Units")()
         # in level 2 these names are units, which a file may define anew
         return kind if self.model.getUnitDefinition(kind) else _LEVEL_2[kind]
+
+    def _plain(self, name: str, kind: str) -> bool:
+        """Whether a file says that something has no unit, and one is given."""
+        return kind in self.given and not self._unit(name)[1]
 
     def _unit(self, name: str) -> tuple[float, dict[str, float]]:
         definition = self.model.getUnitDefinition(name)

@@ -89,7 +89,8 @@ def scratch_fields(
         lanes, length = min(massaction.LANES, n), work_columns(columns + 1, rows)
     elif deterministic.reactions:
         lanes = min(massaction.LANES, n)
-        length = work_columns(columns, deterministic.reactions)
+        timed = int(deterministic.timed)
+        length = work_columns(columns + timed, deterministic.reactions + timed)
     fields["work"] = zeros((lanes, length), np.float64)
     fields["substeps"] = zeros(lanes, np.int64)
     fields["pace"] = zeros(lanes, np.float64)
@@ -113,6 +114,7 @@ def table_fields(device: Device, tables: Tables, receives: np.ndarray) -> dict[s
     ``receives`` (G,) tells which groups take what comes through a wall.
     """
     array = device.array
+    reacting = massaction.with_clock(tables)
     return {
         "pair_kappa": array(tables.pair_diffusivity),
         "status": array(tables.status),
@@ -124,15 +126,15 @@ def table_fields(device: Device, tables: Tables, receives: np.ndarray) -> dict[s
         "receives": array((tables.present & receives[:, None]).astype(np.uint8)),
         "columns": array(tables.diffusing),
         "partner": array(tables.partner),
-        "takes_part": array(tables.takes_part),
+        "takes_part": array(reacting["takes_part"]),
         "shared": array(tables.shared),
         "net_amount": array(tables.net_amount),
-        "reactants": array(tables.reactants),
+        "reactants": array(reacting["reactants"]),
         "repeats": array(tables.repeats),
-        "net": array(tables.net),
-        "rate": array(tables.rate),
+        "net": array(reacting["net"]),
+        "rate": array(reacting["rate"]),
         "volume_power": array(tables.volume_power),
-        "law": array(tables.law),
+        "law": array(reacting["law"]),
         "found": array(np.zeros(tables.reactions, np.uint8)),
     }
 

@@ -21,6 +21,7 @@ from particell.chemistry.sbml_symbols import items
 from particell.chemistry.sbml_units import Units
 
 TOLERANCE = 1e-4
+#: Units that a file leaves open.
 LEFT_OPEN = {"substance": "mol", "volume": "l", "time": "s"}
 SPACE = 1e-3  # m³, of compartments that share it
 
@@ -29,17 +30,13 @@ def read(path):
     """The model, the unit of each species in mol, and that of time in s."""
     document, _ = _document(path.read_text(encoding="utf-8-sig"), path)
     model = document.getModel()
-    level_3 = model.getLevel() > 2
-    kinds = ("Substance", "Volume", "Time")
-    open_ = {k.lower() for k in kinds if level_3 and not getattr(model, f"get{k}Units")()}
-    given = {k: v for k, v in LEFT_OPEN.items() if k in open_}
     compartments = items(model.getListOfCompartments())
     shared = len(compartments) > 1 or any(
         c.getSpatialDimensionsAsDouble() != 3 for c in compartments
     )
     volumes = {c.getId(): SPACE for c in compartments} if shared else None
-    found = pc.read_sbml(path, units=given, volumes=volumes)
-    units = Units(model, given, [])
+    found = pc.read_sbml(path, units=LEFT_OPEN, volumes=volumes)
+    units = Units(model, LEFT_OPEN, [])
     substance = {
         s.getId(): units.value("substance", s.getSubstanceUnits())
         for s in items(model.getListOfSpecies())
@@ -93,7 +90,7 @@ def compare(path, until):
         return "failed", math.nan, " ".join(str(error).split())
     largest = max((np.abs(x).max() for x in there.values()), default=0.0)
     differences = {
-        n: np.abs(here[n] - there[n]).max() / (np.abs(there[n]).max() + 1e-9 * largest or 1.0)
+        n: np.abs(here[n] - there[n]).max() / (np.abs(there[n]).max() + 1e-12 * largest or 1.0)
         for n in names
     }
     worst = max(differences, key=differences.get)

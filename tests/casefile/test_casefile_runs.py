@@ -271,6 +271,36 @@ def test_rate_laws():
     assert np.allclose(found + np.log(found), 2 + np.log(2) - 3 * 0.4, rtol=1e-4)
 
 
+def test_rate_laws_with_functions_and_the_time():
+    """A source that ends after 0.25 s, and one that ends where there is enough of its product."""
+    reactions = [
+        {"equation": "0 -> dye", "rate_law": "= where(not (t > 0.25 s), fastest, 0)"},
+        {
+            "equation": "0 -> dye_bound",
+            "rate_law": "= fastest * sqrt(maximum(1 - dye_bound / half, 0))",
+        },
+    ]
+    file = FileCase(
+        **changed(
+            scheme={"type": "Static"},
+            species=[{"name": "dye"}, {"name": "dye_bound"}],
+            reactions=reactions,
+            initial=[],
+            boundaries=[],
+            constants__fastest="2 mol/m^3/s",
+            constants__half="1 mol/m^3",
+            simulation={"dt": 0.05},
+        )
+    )
+    simulation = file.build(Context())
+    simulation.advance(8)
+    fluid = simulation.particles.select("fluid")
+    found = [simulation.chemistry.concentration(n)[fluid] for n in ("dye", "dye_bound")]
+    assert np.allclose(found[0], 0.5, rtol=2e-4)
+    # with u = 1 - C/C0: d(sqrt u)/dt = -V/(2 C0), until 0.4 s
+    assert np.allclose(found[1], 1 - (1 - 0.4) ** 2, rtol=1e-4)
+
+
 def test_molecules_walls_and_fills():
     """Kinds of tables that the other files do not have."""
     water = {"material": "water"}

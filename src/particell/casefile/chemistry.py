@@ -52,8 +52,8 @@ class ReactionTable(Table):
     only_in: _Groups | None
     units: str
     rate_law: Annotated[str, Field(max_length=1000)] | None = None
-    """Instead of mass action: a formula of constants and of the species' concentrations in
-    mol/m^3, times ``forward``; its unit is mol/m^3/s. For molecules too."""
+    """Instead of mass action: a formula of constants, of the species' concentrations in mol/m^3
+    and of the time t, times ``forward``; its unit is mol/m^3/s. For molecules too, without t."""
 
     @model_validator(mode="after")
     def _rates_in_si(self) -> ReactionTable:

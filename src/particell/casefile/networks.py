@@ -44,6 +44,7 @@ class SBMLTable(Table):
     molecules: bool | Name | tuple[Name, ...]
     only_in: dict[Name, _Groups] | None
     units: dict[Literal["substance", "volume", "time"], str] | None
+    volumes: dict[Name, float | str] | None
     text: str | None = None
     """What is in the file. It is put here when it is read, so that a run's own description of
     itself is whole."""

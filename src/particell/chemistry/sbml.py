@@ -276,10 +276,6 @@ def _refuse(model: Any, notes: list[str]) -> None:
             raise InputError(kind, name, "left out: assignment rules and reactions are represented")
     if model.getListOfConstraints().size():
         notes.append("constraints are not watched")
-    for item in items(model.getListOfSpecies()):
-        own = item.getSpatialSizeUnits()
-        if own and own != model.getCompartment(item.getCompartment()).getUnits():
-            raise InputError("spatialSizeUnits of species", item.getId(), "those of its compartment")
     for item in items(model.getListOfReactions()):
         law = item.getKineticLaw()
         if law is not None and (law.isSetSubstanceUnits() or law.isSetTimeUnits()):

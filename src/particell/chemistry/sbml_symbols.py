@@ -304,6 +304,10 @@ class Symbols:
         where = s.getCompartment()
         substance = self.units.value("substance", s.getSubstanceUnits(), f"species {name}")
         amounts = s.getHasOnlySubstanceUnits()
+        if s.isSetSpatialSizeUnits() and not amounts:
+            own, unit = s.getSpatialSizeUnits(), self.compartments[where].getUnits()
+            if self.units.value("volume", own) != self.units.value("volume", unit):
+                raise InputError("spatialSizeUnits of species", name, f"those of {where}")
         size = 1.0 if amounts else self._size_for(name, where)
         scale = self.volumes[where] / (substance * size)
         constant = bool(s.getConstant() or s.getBoundaryCondition())

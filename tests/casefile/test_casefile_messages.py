@@ -118,10 +118,10 @@ def test_units():
     law = {"equation": "dye -> dye_bound", "rate_law": "dye * 2"}
     refused("rate_law", "mol/m^3/s", reactions=[law])
     refused("rate_law", "dye_bound", reactions=[{**law, "rate_law": "dy / (1 s)"}])
-    timed = {**law, "rate_law": "where(t < 1 s, dye, 0) / (1 s)"}
+    timed = {**law, "rate_law": "where(t < height / speed, dye, 0) * speed / height"}
     whole = [{"name": "dye", "molecules": True}, {"name": "dye_bound", "molecules": True}]
     refused("rate_law", "without the time t", reactions=[timed], species=whole)
-    refused("rate_law", "units go together", reactions=[{**law, "rate_law": "exp(dye) / (1 s)"}])
+    refused("rate_law", "units go together", reactions=[{**law, "rate_law": "exp(dye) * speed / height"}])
 
 
 def test_numbers_of_molecules():

@@ -274,7 +274,7 @@ def test_rate_laws():
 def test_rate_laws_with_functions_and_the_time():
     """A source that ends after 0.25 s, and one that ends where there is enough of its product."""
     reactions = [
-        {"equation": "0 -> dye", "rate_law": "= where(not (t > 0.25 s), fastest, 0)"},
+        {"equation": "0 -> dye", "rate_law": "= where(not (t > pause), fastest, 0)"},
         {
             "equation": "0 -> dye_bound",
             "rate_law": "= fastest * sqrt(maximum(1 - dye_bound / half, 0))",
@@ -289,6 +289,7 @@ def test_rate_laws_with_functions_and_the_time():
             boundaries=[],
             constants__fastest="2 mol/m^3/s",
             constants__half="1 mol/m^3",
+            constants__pause="0.25 s",
             simulation={"dt": 0.05},
         )
     )

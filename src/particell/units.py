@@ -36,7 +36,9 @@ _LARGE_POWER = re.compile(r"(?:\*\*|\^)[\s(+-]*(?:\d{2}|[^\d\s(+-])")
 #: What much of the world writes within a number, and pint drops or takes for a product: a comma,
 #: an apostrophe or a raised point between digits, or a number that stands beside another (but for
 #: the 1 of a unit such as 1/s).
-_BROKEN_NUMBER = re.compile(r",|\d\s*['’·⋅]\s*\d|[^\s*/^(+-]\s+(?!1\s*/\s*[^\W\d])[+-]?[\d.]")
+_BROKEN_NUMBER = re.compile(
+    r",|\d\s*['’·⋅]\s*\d|[^\s*/^(+-]\s+(?!1\s*/\s*(?:\(|[^\W\d]))[+-]?[\d.]"
+)
 
 
 @functools.cache

@@ -121,7 +121,11 @@ def test_units():
     timed = {**law, "rate_law": "where(t < height / speed, dye, 0) * speed / height"}
     whole = [{"name": "dye", "molecules": True}, {"name": "dye_bound", "molecules": True}]
     refused("rate_law", "without the time t", reactions=[timed], species=whole)
-    refused("rate_law", "units go together", reactions=[{**law, "rate_law": "exp(dye) * speed / height"}])
+    refused(
+        "rate_law",
+        "units go together",
+        reactions=[{**law, "rate_law": "exp(dye) * speed / height"}],
+    )
 
 
 def test_numbers_of_molecules():

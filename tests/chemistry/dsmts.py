@@ -86,9 +86,7 @@ def batches(size, mu):
 X, SINK = amount("X", 100), amount("Sink", 0, boundaryCondition="true")
 SOURCE, NONE = amount("Source", 0, boundaryCondition="true"), amount("X", 0)
 HELD = amount("Sink", 0, boundaryCondition="true", constant="true")
-Y = (
-    f'<listOfRules><assignmentRule variable="y">{math("(* 2 X)")}</assignmentRule></listOfRules>'
-)
+Y = f'<listOfRules><assignmentRule variable="y">{math("(* 2 X)")}</assignmentRule></listOfRules>'
 LEFT = "(* k1 (- 100 (* 2 P2)) (- (- 100 (* 2 P2)) 1))"
 
 #: By name: the model, and the process that it is.
@@ -163,9 +161,7 @@ def exact(process: tuple) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     }[kind]
     up[most + 1 - step :] = 0.0
     down = b * n
-    generator = diags(
-        [up[:-step], -(up + down), down[1:]], [-step, 0, 1], format="csr"
-    )
+    generator = diags([up[:-step], -(up + down), down[1:]], [-step, 0, 1], format="csr")
     begin = np.zeros(most + 1)
     begin[number if kind == "birth" else 0] = 1.0
     p = expm_multiply(generator, begin, start=0.0, stop=TIMES[-1], num=len(TIMES), endpoint=True)

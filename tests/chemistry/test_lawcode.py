@@ -142,9 +142,7 @@ def test_differences_are_taken_apart_or_left(tree, seen):
     if parts is None:
         return
     for values in ([2.0, 3.0], [3.0, 2.0]):
-        one, other, whole = (
-            Law(t).bind(["A", "B"])(np.array(values), 1.0) for t in (*parts, tree)
-        )
+        one, other, whole = (Law(t).bind(["A", "B"])(np.array(values), 1.0) for t in (*parts, tree))
         assert one >= 0
         assert other >= 0
         assert one - other == pytest.approx(whole)

@@ -356,7 +356,10 @@ def test_units_that_the_file_leaves_open(tmp_path):
         text = text.replace(f'{name}Units="mmol" ', "").replace(f'{name}Units="litre" ', "")
         text = text.replace(f' {name}Units="minute"', "").replace(f'{name}Units="minute"', "")
     path.write_text(text)
-    with pytest.raises(InputError, match=r"units of time of the model.*'substance': 'mol', 'volume': 'm\^3', 'time'"):
+    with pytest.raises(
+        InputError,
+        match=r"units of time of the model.*'substance': 'mol', 'volume': 'm\^3', 'time'",
+    ):
         pc.read_sbml(path)
     units = {"substance": "nmol", "volume": "ml", "time": "h"}
     model = pc.read_sbml(path, units=units)

@@ -217,9 +217,7 @@ def test_a_membrane_stands_for_a_volume(read):
         read(content, bind, {"volumes": {"cell": "-8 l"}})
 
 
-TWO = (
-    '<compartment id="out" size="3" constant="true" spatialDimensions="3"/></listOfCompartments>'
-)
+TWO = '<compartment id="out" size="3" constant="true" spatialDimensions="3"/></listOfCompartments>'
 
 
 def test_compartments_that_share_their_space(tmp_path):
@@ -257,10 +255,13 @@ def test_conversion_factors_and_units_of_extent(read, tmp_path):
 
 
 def test_stoichiometries(read, tmp_path):
-    """Fractions are whole in a reaction that is as much slower; what does not change is constant."""
+    """Fractions are whole in a slower reaction; what does not change is constant."""
     model = read(
         [*A, species("B", "Concentration=0")],
-        [reaction("r", "A", "0.25 B", "(* cell k A)", "k=60"), reaction("s", "A", "", "(* cell A)")],
+        [
+            reaction("r", "A", "0.25 B", "(* cell k A)", "k=60"),
+            reaction("s", "A", "", "(* cell A)"),
+        ],
     )
     first, second = model.reactions
     assert (first.reactants, first.products) == ({"A": 4}, {"B": 1})
@@ -280,7 +281,8 @@ def test_stoichiometries(read, tmp_path):
         '</listOfCompartments><listOfSpecies><species id="A" compartment="c" initialAmount="1"/>'
         '</listOfSpecies><listOfReactions><reaction id="d" reversible="false"><listOfReactants>'
         f'<speciesReference species="A"><stoichiometryMath>{math("(/ 6 2)")}</stoichiometryMath>'
-        f'</speciesReference></listOfReactants><kineticLaw>{math("(* c A)")}</kineticLaw></reaction>'
+        f"</speciesReference></listOfReactants><kineticLaw>{math('(* c A)')}</kineticLaw>"
+        "</reaction>"
         "</listOfReactions></model></sbml>"
     )
     assert pc.read_sbml(path).reactions[0].reactants == {"A": 3}
@@ -324,7 +326,7 @@ def test_rules_that_need_themselves_and_functions_within_functions(read, tmp_pat
     with pytest.raises(InputError, match="SBML file"):  # libSBML's own check
         read(A, [], more=varying("y", "z"), extra=rules(y="(+ z 1)", z="(+ y 1)"))
     inner = "<lambda><bvar><ci> x </ci></bvar>{}</lambda>"
-    body = '<apply><times/><cn> {} </cn>{}</apply>'
+    body = "<apply><times/><cn> {} </cn>{}</apply>"
     functions = (
         "<listOfFunctionDefinitions>"
         f'<functionDefinition id="twice"><math xmlns="{MATHML}">'

@@ -204,9 +204,9 @@ class _Writer:
                 condition, depth = self.condition(node)
                 return f"(1.0 if {condition} else 0.0)", depth + 1
             return self._call(node)
-        if self.molecules and node.operator == "*" and isinstance(node.left, Number):
-            if isinstance(node.right, Symbol):
-                return self._species(node.right.name, node.left.value), 0
+        left, right, product = node.left, node.right, node.operator == "*"
+        if self.molecules and product and isinstance(left, Number) and isinstance(right, Symbol):
+            return self._species(right.name, left.value), 0
         return self._operation(node)
 
     def _operation(self, node: Operation) -> tuple[str, int]:

@@ -146,9 +146,7 @@ def _of_operation(
     return None
 
 
-def _of_function(
-    node: Call, arguments: list[tuple[Tree, Tree] | None]
-) -> tuple[Tree, Tree] | None:
+def _of_function(node: Call, arguments: list[tuple[Tree, Tree] | None]) -> tuple[Tree, Tree] | None:
     if node.function in _POSITIVE:
         return node, ZERO
     if node.function == "where" and arguments[1] is not None and arguments[2] is not None:

@@ -22,8 +22,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from particell.chemistry.reactions import Reaction
 from particell.chemistry.formula import Tree, value
+from particell.chemistry.reactions import Reaction
 from particell.chemistry.sbml_laws import Laws
 from particell.chemistry.sbml_symbols import Symbols, items
 from particell.chemistry.sbml_units import Units

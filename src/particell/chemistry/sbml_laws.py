@@ -191,7 +191,9 @@ class Laws:
             return [Law(rate, True)]
         if one_way:
             end = "does not happen" if parts is None else "ends the run"
-            self.notes.append(f"reaction {name} is irreversible: it {end} where its law is negative")
+            self.notes.append(
+                f"reaction {name} is irreversible: it {end} where its law is negative"
+            )
             return [Law(rate, True) if parts is None else Law(parts[0], True, parts[1])]
         if parts is not None:
             return [None if part == ZERO else Law(part, True) for part in parts]
@@ -247,9 +249,7 @@ class Laws:
         low, high = min(speeds.values()), max(speeds.values())
         if high - low > 1e-9 * abs(high) or low <= 0:
             shown = ", ".join(sorted(set(species)))
-            raise InputError(
-                f"conversion factors of reaction {name}", shown, "alike and positive"
-            )
+            raise InputError(f"conversion factors of reaction {name}", shown, "alike and positive")
         return low / units.value("time")
 
     def _compartment(self, name: str, species: tuple[str, ...], tree: Tree) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache, reduce
+from itertools import pairwise
 from typing import Any
 
 from particell.chemistry.formula import ONE, ZERO, Call, Number, Tree, call, operation
@@ -100,9 +101,7 @@ def tree_of(
                 raise fail(part, "a finite number")
             return Number(value)
         try:
-            parts = [
-                build(part.getChild(k), lookup, depth) for k in range(part.getNumChildren())
-            ]
+            parts = [build(part.getChild(k), lookup, depth) for k in range(part.getNumChildren())]
             if kind == "FUNCTION" and part.getName() in functions:
                 return own(part, parts, depth + 1)
             found = _combined(kind, parts)
@@ -148,7 +147,7 @@ def _relation(name: str, parts: Sequence[Tree]) -> Tree:
     """a < b < c holds where both do."""
     if name == "NEQ":
         return call("!=", *parts)
-    pairs = [call(_RELATIONS[name], a, b) for a, b in zip(parts, parts[1:], strict=False)]
+    pairs = [call(_RELATIONS[name], a, b) for a, b in pairwise(parts)]
     return reduce(lambda a, b: call("and", a, b), pairs)
 
 

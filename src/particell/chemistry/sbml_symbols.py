@@ -199,9 +199,7 @@ class Symbols:
             raise InputError(f"kinetic law of reaction {name}", None, "given")
         return law
 
-    def law_tree(
-        self, name: str, law: Any, lookup: Callable[[str], Tree], time: Tree
-    ) -> Tree:
+    def law_tree(self, name: str, law: Any, lookup: Callable[[str], Tree], time: Tree) -> Tree:
         """The formula of a kinetic law, with its own parameters."""
         found = law.getListOfLocalParameters() if law.getLevel() > 2 else law.getListOfParameters()
         local = {p.getId(): p for p in items(found)}

@@ -312,9 +312,9 @@ def _fill_reaction(
         if isinstance(law, Law):  # a formula with the species' names in it
             tables.laws.append(law.body(tables.names))
             tables.timed |= law.timed
-            if law.timed and (other is not None):
-                allowed = "without the time, where species are molecules"
-                raise InputError("law of reaction", reaction.label, allowed)
+            if law.timed and other is not None:
+                without = "without the time, where species are molecules"
+                raise InputError("law of reaction", reaction.label, without)
         else:
             _check_call(reaction, law, len(tables.names))
             tables.laws.append(law if hasattr(law, "py_func") else njit(law))

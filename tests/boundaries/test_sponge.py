@@ -6,6 +6,7 @@ import pytest
 from particell.boundaries.sponge import Sponge, relax_velocity, share_of_target
 from particell.errors import InputError
 
+OPEN = (0.0, 2.0, 0.0)  # where the period begins, its length, 1/length: none
 X = np.stack([np.linspace(-0.5, 1.5, 41), np.zeros(41)], -1)
 
 
@@ -17,7 +18,7 @@ def relax(steps, time=1.0):
     walls[20] = 1
     run = relax_velocity.specialise(DIM=2, AXIS=0)
     for _ in range(steps):
-        run(len(X), X, v, walls, 0.0, 1.0, 3.0, time / steps, target)
+        run(len(X), X, v, walls, 0.0, 1.0, 3.0, *OPEN, time / steps, target)
     return v
 
 
@@ -41,7 +42,7 @@ def test_profile():
 
 def test_share_for_species_is_the_same():
     share = np.zeros(len(X))
-    share_of_target.specialise(AXIS=0)(len(X), X, 0.0, 1.0, 3.0, 0.1, share)
+    share_of_target.specialise(AXIS=0)(len(X), X, 0.0, 1.0, 3.0, *OPEN, 0.1, share)
     phi = Sponge(0.0, 1.0, time=1.0).strength(X)
     assert share == pytest.approx(1 - (1 - phi) ** 0.1, abs=1e-14)
 

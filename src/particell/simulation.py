@@ -38,7 +38,7 @@ from particell.restart import restore, state_of
 from particell.schemes.static import Static, StaticSolver
 from particell.schemes.timestep import check_number_of_steps
 from particell.setup import build_materials, build_neighbours, build_particles, lattice_sum
-from particell.speeds import Scheme, default_sound_speed, flow_limits, initial_speed
+from particell.speeds import Scheme, default_sound_speed, flow_limits, flow_speed, with_noise
 from particell.walls import Walls
 
 if TYPE_CHECKING:
@@ -123,12 +123,13 @@ class Simulation:
         self.depth = domain.depth if domain.depth is not None else spacing
         self.depth_factor = self.depth ** (3 - dim)
         self.static = isinstance(scheme, Static)
-        self._speed = initial_speed(self.phases, scheme, self.depth_factor, boundaries)
-        sound_speed = default_sound_speed(
-            domain, self.phases, scheme, self.depth_factor, boundaries
-        )
+        flow = flow_speed(domain, self.phases, scheme, boundaries)
+        self._speed = with_noise(flow, self.phases, scheme, self.depth_factor)
+        sound_speed = default_sound_speed(domain, self.phases, scheme, self.depth_factor, flow)
         self.materials, index = build_materials(self.phases, sound_speed)
-        self.particles = build_particles(self.device, domain, self.phases, index, scheme.support)
+        self.particles = build_particles(
+            self.device, domain, self.phases, index, scheme.support, self.static
+        )
         if scheme.density == "summation":
             total = lattice_sum(scheme.kernel, scheme.support, dim)
             self.particles.set("mass", self.particles.host("mass") / total)

@@ -72,6 +72,10 @@ class RunError(ParticellError, RuntimeError):
         )
 
 
+class HealthWarning(UserWarning):
+    """A run is beyond a limit of :mod:`particell.health`: look before you trust it."""
+
+
 class Interrupted(ParticellError):  # noqa: N818 - the user's wish, not an error
     """The user stopped the run (Ctrl-C); its state is in the checkpoint.
 

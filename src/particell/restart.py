@@ -37,6 +37,7 @@ def state_of(simulation: Simulation) -> dict[str, Any]:
         "volume_drift": getattr(s.solver, "volume_drift", None),
         "events": chemistry.events if chemistry else 0,
         "jumps": chemistry.jumps if chemistry else 0,
+        "worst": dict(s.watch.worst),
         "crossings": s.carriage.crossings if s.carriage else None,
     }
 
@@ -81,6 +82,7 @@ def restore(simulation: Simulation, state: dict[str, Any]) -> None:
     s._compile_seconds = state["compile_seconds"]
     s._first_momentum = state["first_momentum"]
     s._first_totals = dict(state["first_totals"])
+    s.watch.worst = dict(state.get("worst", {}))
     if s.chemistry:
         s.chemistry.events, s.chemistry.jumps = state["events"], state["jumps"]
     if s.carriage:

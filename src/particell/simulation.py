@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from particell import snapshot
+from particell import health, snapshot
 from particell.averages import TimeAverage
 from particell.boundaries.mean_velocity import MeanVelocity
 from particell.boundaries.moving import WallMotion
@@ -170,6 +170,7 @@ class Simulation:
             self.solver.after_forces = acting.apply  # type: ignore[method-assign]
             self.solver.after_wall_pressure = acting.add_wall_heads  # type: ignore[method-assign]
         self.monitor = Monitor(self)
+        self.watch = health.Watch(self)
         self.automatic = dt == "auto"
         self.step, self.time = 0, 0.0
         self.chemistry_every = 1
@@ -376,6 +377,13 @@ class Simulation:
         whole numbers); how often walls turned particles back, and how many are inside.
         """
         return snapshot.drift_since(self, self._first_momentum, self._first_totals)
+
+    def health(self) -> list[health.Finding]:
+        """What tells whether the simulation can be trusted, each with its limit.
+
+        The worst of the frames so far and of the present state; see :mod:`particell.health`.
+        """
+        return health.examine(self)
 
     @property
     def performance(self) -> dict[str, float]:

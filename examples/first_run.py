@@ -21,7 +21,7 @@ spacing = height / across
 simulation = pc.Simulation(
     box,
     [pc.fluid(box, water, spacing), *pc.channel_walls(box, water, spacing, axis=1)],
-    pc.SDPD(gravity=(push, 0)),
+    pc.TransportVelocity(gravity=(push, 0)),
 )
 run = simulation.run(until=0.01, every=0.001, out="out/first_run", overwrite=True)
 

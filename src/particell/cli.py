@@ -1,7 +1,7 @@
 """The command line.
 
-Exit status: 0 done; 1 done, but a metric is beyond its limit; 2 the input is wrong; 3 the run
-broke; 130 interrupted.
+Exit status: 0 done; 1 done, but a metric or the run's health is beyond its limit; 2 the input is
+wrong; 3 the run broke; 130 interrupted.
 """
 
 from __future__ import annotations
@@ -120,12 +120,17 @@ def new(file: Path) -> int:
 @click.option("--timing/--no-timing", default=True, help="Time a few steps (they may compile).")
 @click.option("--threads", type=int, help="CPU threads (default: all).")
 def check(case: str, settings: tuple[str, ...], timing: bool, threads: int | None) -> int:
-    """Say what would run, without running it: particles, time step, memory, time needed."""
-    from particell.casefile.report import report
+    """Say what would run, without running it: particles, time step, memory, time needed.
 
+    Exit status 1 where it is known already that the run could not be trusted.
+    """
+    from particell.casefile.report import UNHEALTHY, report
+
+    status = 0
     for line in report(described_case(case, settings), timing, threads):
         click.echo(line)
-    return 0
+        status = FAILED if line.startswith(UNHEALTHY) else status
+    return status
 
 
 @cli.command()

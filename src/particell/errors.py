@@ -76,6 +76,10 @@ class LawWarning(UserWarning):
     """A law of the input is wrong in a way that a run can live with: said in one line, once."""
 
 
+class HealthWarning(UserWarning):
+    """A run is beyond a limit of :mod:`particell.health`: look before you trust it."""
+
+
 class Interrupted(ParticellError):  # noqa: N818 - the user's wish, not an error
     """The user stopped the run (Ctrl-C); its state is in the checkpoint.
 

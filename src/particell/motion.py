@@ -9,7 +9,7 @@ import numpy as np
 
 from particell.boundaries.mean_velocity import MeanVelocity, add_velocity, axial_momentum
 from particell.boundaries.reflection import Reflection, reflect, surface_table
-from particell.boundaries.sponge import Sponge, relax_velocity, share_of_target
+from particell.boundaries.sponge import Sponge, relax_velocity, share_of_target, way_since
 from particell.chemistry.reservoirs import FixedValueWall, FluxWall, Reservoir
 from particell.compute.reduce import Reduction
 from particell.errors import InputError, RunError, unknown_name
@@ -22,12 +22,16 @@ if TYPE_CHECKING:
     from particell.simulation import Simulation
 
 
+#: Targets of sponges are evaluated again where a particle has moved by this part of its support.
+TARGET_MOTION = 0.1
+
+
 class Constraints:
     """Reflecting surfaces, sponges and mean velocities of a simulation.
 
-    Targets of sponges are functions of position. They are evaluated at each build of the
-    neighbour list; between builds a particle moves by at most about 0.6 of its support (neighbours
-    that flow together do not trigger one), in the yeast channel by a tenth.
+    Targets of sponges are functions of position. They are evaluated anew as soon as a particle has
+    moved by :data:`TARGET_MOTION` of its support since; whether it is in a sponge, and how far,
+    follows from its place at the moment.
     """
 
     def __init__(self, simulation: Simulation, boundaries: Sequence[Any]):
@@ -50,6 +54,10 @@ class Constraints:
                 particles.add(f"sponge_{name}_{k}")
         if self.sponges:
             particles.add("sponge_share")
+        given = [t for s in self.sponges for t in (s.velocity, *s.species.values())]
+        self._follows = any(map(callable, given)) and not simulation.static
+        if self._follows:
+            particles.add("sponge_x", dim)
         self._seen = 0
         self._bound = False
 
@@ -73,15 +81,18 @@ class Constraints:
 
     def renew(self) -> None:
         """Evaluate the sponges' targets at the particles' positions."""
-        particles = self.simulation.particles
+        particles, domain = self.simulation.particles, self.simulation.domain
+        x, _ = domain.wrapped(np.array(particles.host("x"), dtype=float))
         for k, sponge in enumerate(self.sponges):
-            x = np.array(particles.host("x"), dtype=float)
+            within = sponge.strength_in(domain, x) > 0
             if sponge.velocity is not None:
-                values = _target(sponge, x, "velocity", sponge.velocity(x), x.shape)
+                values = _target(within, "velocity", sponge.velocity(x), x.shape)
                 particles.set(f"sponge_velocity_{k}", values)
             for name, value in sponge.species.items():
                 given = value(x) if callable(value) else value
-                particles.set(f"sponge_{name}_{k}", _target(sponge, x, name, given, (len(x),)))
+                particles.set(f"sponge_{name}_{k}", _target(within, name, given, (len(x),)))
+        if self._follows:
+            particles.set("sponge_x", particles.host("x"))
         self._seen = self.simulation.neighbours.builds
 
     def restored(self) -> None:
@@ -104,12 +115,19 @@ class Constraints:
             self._keep_means()
 
     def _relax_sponges(self, dt: float) -> None:
-        if self._seen != self.simulation.neighbours.builds:
-            self.renew()
         self._bind()
+        if self._seen != self.simulation.neighbours.builds or self._moved_on():
+            self.renew()
         for sponge, relax in zip(self.sponges, self._relaxations, strict=True):
             if relax is not None:
                 relax(len(self.simulation.particles), dt / sponge.time)
+
+    def _moved_on(self) -> bool:
+        """Whether a particle has moved by :data:`TARGET_MOTION` since targets were evaluated."""
+        if not self._follows:
+            return False
+        self._measure_way(len(self.simulation.particles))
+        return self._reduction.max(self._way) > TARGET_MOTION**2
 
     def _keep_means(self) -> None:
         n = len(self.simulation.particles)
@@ -172,11 +190,16 @@ class Constraints:
             )
         self._relaxations: list[Callable[..., None] | None] = []
         self._shares = []
+        if self._follows:
+            self._way = s.device.zeros(len(s.particles), np.float64)
+            self._measure_way = bind(way_since, {**fields, "way": self._way}, DIM=dim)
         for k, sponge in enumerate(self.sponges):
+            window = sponge.window(s.domain)
             zone = {
                 "start": sponge.start,
                 "end": sponge.end,
                 "exponent": float(sponge.exponent),
+                **dict(zip(("origin", "edge", "inverse_edge"), window, strict=True)),
             }
             own = {**fields, **zone}
             self._shares.append(bind(share_of_target, own, AXIS=sponge.axis))
@@ -187,15 +210,13 @@ class Constraints:
             self._relaxations.append(relax)
 
 
-def _target(
-    sponge: Sponge, x: np.ndarray, name: str, values: Any, shape: tuple[int, ...]
-) -> np.ndarray:
+def _target(within: np.ndarray, name: str, values: Any, shape: tuple[int, ...]) -> np.ndarray:
     """A target as an array of a shape; refused where it is none, or not finite in the sponge."""
     try:
         found = np.broadcast_to(np.asarray(values, dtype=float), shape)
     except (TypeError, ValueError):
         found = np.full(shape, np.nan)
-    if not np.all(np.isfinite(found[sponge.strength(x) > 0])):
+    if not np.all(np.isfinite(found[within])):
         raise InputError(f"{name} of Sponge", values, f"finite numbers of shape {shape}")
     return found
 

@@ -9,6 +9,7 @@ import signal
 import sys
 import threading
 import time as clock
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -22,7 +23,8 @@ from particell.averages import RunningAverage, TimeAverage, check_averages
 from particell.checks import checked, not_negative, positive
 from particell.compute import neighbours
 from particell.compute.cache import cache_directory
-from particell.errors import InputError, Interrupted, RunError, unknown_name
+from particell.errors import HealthWarning, InputError, Interrupted, RunError, unknown_name
+from particell.health import beyond
 from particell.output.checkpoint import write_checkpoint
 from particell.output.files import OutputError, plain, prepare_directory
 from particell.output.h5md import AVERAGES
@@ -121,6 +123,7 @@ class Recorder:
         """Take a frame; returns the observables."""
         s = self.simulation
         frame, observables = s.frame(), s.observables()
+        s.watch.look()
         series: dict[str, Any] = dict(observables)
         for average in self.averages:
             for field, mean in average.take().items():
@@ -234,7 +237,11 @@ def run_with_observers(
         recorder.record()
         recorder.checkpoint(plan)
     _loop(simulation, recorder, plan, progress, checkpoint_every, stop)
-    return recorder.finish()
+    run = recorder.finish()
+    run.health = simulation.health()
+    for finding in beyond(run.health):
+        warnings.warn(finding.line, HealthWarning, stacklevel=5)
+    return run
 
 
 def _running(

@@ -39,6 +39,7 @@ def state_of(simulation: Simulation) -> dict[str, Any]:
         "events": chemistry.events if chemistry else 0,
         "jumps": chemistry.jumps if chemistry else 0,
         "pace": chemistry.pace if chemistry else math.inf,
+        "worst": dict(s.watch.worst),
         "crossings": s.carriage.crossings if s.carriage else None,
     }
 
@@ -83,6 +84,7 @@ def restore(simulation: Simulation, state: dict[str, Any]) -> None:
     s._compile_seconds = state["compile_seconds"]
     s._first_momentum = state["first_momentum"]
     s._first_totals = dict(state["first_totals"])
+    s.watch.worst = dict(state.get("worst", {}))
     if s.chemistry:
         s.chemistry.events, s.chemistry.jumps = state["events"], state["jumps"]
         s.chemistry.pace = state.get("pace", math.inf)

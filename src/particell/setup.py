@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 from particell.compute.device import Device
 from particell.compute.neighbours import NeighbourList
 from particell.errors import InputError
+from particell.filling import check_filling
 from particell.geometry.domain import Domain
 from particell.geometry.fill import lattice
 from particell.kernels import kernel_code, normalisation, power, shape_w
@@ -42,11 +43,17 @@ def build_materials(
 
 
 def build_particles(
-    device: Device, domain: Domain, phases: list[Phase], materials: list[int], support: float
+    device: Device,
+    domain: Domain,
+    phases: list[Phase],
+    materials: list[int],
+    support: float,
+    static: bool = False,
 ) -> Particles:
     """All phases' particles in one set; ``support`` is in particle spacings."""
     check_phases(domain, phases)
     check_overlap(domain, phases)
+    check_filling(domain, phases, static)
     groups = [
         Group(p.name, p.kind, material) for p, material in zip(phases, materials, strict=True)
     ]

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from particell import snapshot
+from particell import health, snapshot
 from particell.averages import TimeAverage
 from particell.boundaries.mean_velocity import MeanVelocity
 from particell.boundaries.moving import WallMotion
@@ -38,7 +38,7 @@ from particell.restart import restore, state_of
 from particell.schemes.static import Static, StaticSolver
 from particell.schemes.timestep import check_number_of_steps
 from particell.setup import build_materials, build_neighbours, build_particles, lattice_sum
-from particell.speeds import Scheme, default_sound_speed, flow_limits, initial_speed
+from particell.speeds import Scheme, default_sound_speed, flow_limits, flow_speed, with_noise
 from particell.walls import Walls
 
 if TYPE_CHECKING:
@@ -125,12 +125,13 @@ class Simulation:
         self.depth = domain.depth if domain.depth is not None else spacing
         self.depth_factor = self.depth ** (3 - dim)
         self.static = isinstance(scheme, Static)
-        self._speed = initial_speed(self.phases, scheme, self.depth_factor, boundaries)
-        sound_speed = default_sound_speed(
-            domain, self.phases, scheme, self.depth_factor, boundaries
-        )
+        flow = flow_speed(domain, self.phases, scheme, boundaries)
+        self._speed = with_noise(flow, self.phases, scheme, self.depth_factor)
+        sound_speed = default_sound_speed(domain, self.phases, scheme, self.depth_factor, flow)
         self.materials, index = build_materials(self.phases, sound_speed)
-        self.particles = build_particles(self.device, domain, self.phases, index, scheme.support)
+        self.particles = build_particles(
+            self.device, domain, self.phases, index, scheme.support, self.static
+        )
         if scheme.density == "summation":
             total = lattice_sum(scheme.kernel, scheme.support, dim)
             self.particles.set("mass", self.particles.host("mass") / total)
@@ -171,6 +172,7 @@ class Simulation:
             self.solver.after_forces = acting.apply  # type: ignore[method-assign]
             self.solver.after_wall_pressure = acting.add_wall_heads  # type: ignore[method-assign]
         self.monitor = Monitor(self)
+        self.watch = health.Watch(self)
         self.automatic = dt == "auto"
         self.step, self.time = 0, 0.0
         self.chemistry_every = 1
@@ -377,6 +379,13 @@ class Simulation:
         whole numbers); how often walls turned particles back, and how many are inside.
         """
         return snapshot.drift_since(self, self._first_momentum, self._first_totals)
+
+    def health(self) -> list[health.Finding]:
+        """What tells whether the simulation can be trusted, each with its limit.
+
+        The worst of the frames so far and of the present state; see :mod:`particell.health`.
+        """
+        return health.examine(self)
 
     @property
     def performance(self) -> dict[str, float]:

@@ -45,7 +45,9 @@ def frame_of(simulation: Simulation, booked: bool) -> dict[str, np.ndarray]:
     """See :meth:`particell.simulation.Simulation.frame`; ``booked`` adds inflows."""
     p, chemistry = simulation.particles, simulation.chemistry
     order = np.argsort(p.host("id"))
-    frame = {"position": p.by_id("x"), "image": p.by_id("image")}
+    # particles that leave the box are brought back to it at the next build of the lists only
+    position, turns = simulation.domain.wrapped(p.by_id("x"))
+    frame = {"position": position, "image": p.by_id("image") + turns.astype(np.int32)}
     frame |= {name: field_of(simulation, name)[order] for name in field_names_of(simulation)}
     if booked and chemistry:
         frame |= {f"inflow/{name}": _booked(simulation, name) for name in chemistry.species}

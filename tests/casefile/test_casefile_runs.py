@@ -175,7 +175,7 @@ def test_the_small_file_has_the_bits_of_python():
     gravity = (8 * water.viscosity / water.density * speed / height**2, 0.0)
     filled = pc.fluid(box, water, dx, velocity=velocity)
     walls = pc.channel_walls(box, water, dx, axis=1)
-    python = pc.Simulation(box, [filled, *walls], pc.SDPD(gravity=gravity), seed=1)
+    python = pc.Simulation(box, [filled, *walls], pc.TransportVelocity(gravity=gravity), seed=1)
     first = state_after(python, file.every, 20)
     second = state_after(file.build(Context()), file.every, 20)
     for name, values in first.items():

@@ -156,6 +156,7 @@ def test_bodies_compile_to_ptx(to_ptx, systems, monkeypatch):
     monkeypatch.setattr(Loop, "specialise", recording)
     for simulation in systems():
         simulation.advance(2)
+        simulation.watch.look()
     failed = []
     for key, (loop, constants, signature) in recorded.items():
         try:

@@ -38,7 +38,7 @@ def test_simulations_follow_the_rules():
     simulation = periodic_lattice(
         10, 2, material, gravity=(0.0, -0.01), reference_speed=0.2, pressure_drop=0.05
     )
-    sound = math.sqrt(100 * max(0.2**2, 0.05, 0.01 * 10))
+    sound = math.sqrt(100 * max(0.2**2, 0.05))  # nothing holds gravity along a periodic axis
     assert simulation.materials[0].sound_speed == pytest.approx(sound)
     limits = step_limits(3.0, sound, 0.2, 0.1, 0.01)
     assert simulation.dt == pytest.approx(limits.smallest)

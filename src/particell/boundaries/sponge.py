@@ -6,10 +6,14 @@ With the papers' profile :math:`\varphi(x) = B\left(\frac{x-x_s}{x_e-x_s}\right)
 
 so that its strength does not depend on the time step (methods: SDPD-SSA, Eq. 36 ff.; there the
 factor is φ itself, which makes the sponge as much stronger as the step is smaller).
+
+Places are those at the moment. On a periodic axis that of the image counts which lies in the zone:
+a particle that has crossed a face is in the box again, and a zone may go on across one.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
@@ -18,6 +22,7 @@ import numpy as np
 from particell.checks import checked, not_negative, positive
 from particell.compute.loop import particle_loop
 from particell.errors import InputError
+from particell.geometry.domain import Domain
 
 Field = Callable[[np.ndarray], np.ndarray]
 
@@ -64,16 +69,49 @@ class Sponge:
 
     def strength(self, points: np.ndarray) -> np.ndarray:
         """φ at points (n, D), shape (n,); 0 outside the zone."""
-        s = (points[:, self.axis] - self.start) / (self.end - self.start)
+        return self._profile(points[:, self.axis])
+
+    def strength_in(self, domain: Domain, points: np.ndarray) -> np.ndarray:
+        """:meth:`strength` at the images of points in the zone, in a box with periodic axes."""
+        first, period, inverse_period = self.window(domain)
+        x = points[:, self.axis]
+        return self._profile(x - period * np.floor((x - first) * inverse_period))
+
+    def window(self, domain: Domain) -> tuple[float, float, float]:
+        """Where the period begins that the zone is in, its length in m, and 1/length (or 0)."""
+        length = float(domain.lengths[self.axis])
+        within = abs(self.end - self.start) <= length
+        first = min(self.start, self.end) if within else float(domain.lower[self.axis])
+        return first, length, float(domain.inverse_periods[self.axis])
+
+    def _profile(self, x: np.ndarray) -> np.ndarray:
+        s = (x - self.start) / (self.end - self.start)
         return np.where((s > 0) & (s <= 1), np.clip(s, 0, 1) ** self.exponent, 0.0)
 
 
 @particle_loop
-def relax_velocity(i, x, v, is_wall, start, end, exponent, dt_over_time, target, *, DIM, AXIS):
+def relax_velocity(
+    i,
+    x,
+    v,
+    is_wall,
+    start,
+    end,
+    exponent,
+    origin,
+    edge,
+    inverse_edge,
+    dt_over_time,
+    target,
+    *,
+    DIM,
+    AXIS,
+):
     """Bring v_i towards ``target[i]`` (n, DIM) by the factor 1 − (1−φ)^(dt/τ)."""
     if is_wall[i]:
         return
-    s = (x[i, AXIS] - start) / (end - start)
+    place = x[i, AXIS] - edge * math.floor((x[i, AXIS] - origin) * inverse_edge)
+    s = (place - start) / (end - start)
     if s <= 0.0 or s > 1.0:
         return
     share = 1.0 - (1.0 - s**exponent) ** dt_over_time
@@ -82,9 +120,33 @@ def relax_velocity(i, x, v, is_wall, start, end, exponent, dt_over_time, target,
 
 
 @particle_loop
-def share_of_target(i, x, start, end, exponent, dt_over_time, sponge_share, *, AXIS):
+def share_of_target(
+    i,
+    x,
+    start,
+    end,
+    exponent,
+    origin,
+    edge,
+    inverse_edge,
+    dt_over_time,
+    sponge_share,
+    *,
+    AXIS,
+):
     """The factor 1 − (1−φ)^(dt/τ) of particle i, 0 outside the zone."""
-    s = (x[i, AXIS] - start) / (end - start)
+    place = x[i, AXIS] - edge * math.floor((x[i, AXIS] - origin) * inverse_edge)
+    s = (place - start) / (end - start)
     sponge_share[i] = 0.0
     if s > 0.0 and s <= 1.0:
         sponge_share[i] = 1.0 - (1.0 - s**exponent) ** dt_over_time
+
+
+@particle_loop
+def way_since(i, x, sponge_x, support, way, *, DIM):
+    """How far particle i has come since the targets were evaluated, squared, in supports."""
+    square = 0.0
+    for d in range(DIM):
+        s = x[i, d] - sponge_x[i, d]
+        square += s * s
+    way[i] = square / (support[i] * support[i])

@@ -13,10 +13,13 @@ from particell.casefile.case import FileCase
 from particell.casefile.scope import BYTES_A_PARTICLE
 from particell.cases.base import Case, Context
 from particell.cases.execution import set_threads
+from particell.health import beyond, foresee
 from particell.schemes.static import Static
 from particell.simulation import Simulation
 from particell.speeds import flow_limits
 
+#: How lines begin that say what makes a run end with status 1.
+UNHEALTHY = "health:   "
 #: Cases with more particles are counted, not built.
 MOST_BUILT = 300_000
 #: Seconds that steps are timed for, about.
@@ -61,6 +64,8 @@ def report(case: Case, timing: bool = True, threads: int | None = None) -> Itera
         yield f"chemistry: one step in {simulation.chemistry_every}"
     yield f"steps:     {steps} to {case.until:.3g} s, a frame every {case.every:.3g} s"
     yield f"memory:    at most {_bytes(len(groups) * BYTES_A_PARTICLE)}"
+    for finding in beyond(foresee(simulation)):
+        yield f"{UNHEALTHY} {finding.line}"
     if timing:
         yield f"time:      about {_duration(steps * seconds_a_step(simulation, steps))}"
 

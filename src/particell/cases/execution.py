@@ -7,13 +7,15 @@ import copy
 import os
 import re
 import tomllib
-from collections.abc import Mapping
+import warnings
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from particell import cases
 from particell.cases.base import Case, Context, Metric
-from particell.errors import InputError, unknown_name
+from particell.errors import HealthWarning, InputError, unknown_name
+from particell.health import Finding, beyond
 from particell.output.checkpoint import read_checkpoint
 from particell.output.files import prepare_directory, read_json, reason, write_json
 from particell.output.run import CASE, CHECKPOINT, OWN_FILES, SUMMARY, TRAJECTORY, Run
@@ -302,16 +304,22 @@ def _finish(
     from particell.compute.threads import get_threads
 
     options = case.run_options()
-    simulation.run(until=case.until, every=case.every, out=directory, progress=progress, **options)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", HealthWarning)  # the report says the same
+        simulation.run(
+            until=case.until, every=case.every, out=directory, progress=progress, **options
+        )
     # Read from the file, so that a resumed run is analysed as a whole.
     run = Run(directory)
     metrics = case.analyse(run, simulation)
+    health = simulation.health()
     write_summary(
         directory / SUMMARY,
         case=case.name,
         parameters=case.parameters(),
         seed=context.seed,
         metrics={name: metric.as_dict() for name, metric in metrics.items()},
+        health=health,
         conservation=simulation.conservation(),
         performance=simulation.performance,
         settings={
@@ -323,11 +331,16 @@ def _finish(
     )
     if report:
         case.figures(run, directory)
-        print_report(case, metrics, directory)
-    return 0 if all(metric.passed for metric in metrics.values()) else 1
+        print_report(case, metrics, directory, health)
+    sound = all(metric.passed for metric in metrics.values()) and not beyond(health)
+    return 0 if sound else 1
 
 
-def print_report(case: Case, metrics: Mapping[str, Metric], directory: Path) -> None:
-    """Print the metrics and where the output is."""
+def print_report(
+    case: Case, metrics: Mapping[str, Metric], directory: Path, health: Sequence[Finding] = ()
+) -> None:
+    """Print the metrics, what is unhealthy, and where the output is."""
+    lines = [f"{case.name}: {case.title}", metrics_table(metrics)]
+    lines += [f"health: FAILED: {finding.line}" for finding in beyond(health)]
     with contextlib.suppress(BrokenPipeError):
-        print(f"{case.name}: {case.title}\n{metrics_table(metrics)}\noutput in {directory}")
+        print("\n".join([*lines, f"output in {directory}"]))

@@ -13,6 +13,7 @@ from particell.compute.device import Device
 from particell.compute.philox import INITIAL, stream_key
 from particell.compute.reduce import Reduction
 from particell.errors import InputError, unknown_name
+from particell.geometry.domain import Domain
 from particell.materials import AVOGADRO
 from particell.particles import Particles
 
@@ -28,6 +29,8 @@ class Contents:
     ----------
     device
         Where loops run.
+    domain
+        The box, for functions of the place.
     particles
         The particles, with the fields of :meth:`add_fields`.
     species
@@ -43,6 +46,7 @@ class Contents:
     def __init__(
         self,
         device: Device,
+        domain: Domain,
         particles: Particles,
         species: Sequence[Species],
         tables: tuple[Tables, Tables],
@@ -50,6 +54,7 @@ class Contents:
         depth: float,
     ):
         self.device, self.particles, self.depth = device, particles, depth
+        self.domain = domain
         self.species = {s.name: s for s in species}
         self.tables = self.deterministic, self.stochastic = tables
         self._reduction = Reduction(device)
@@ -223,7 +228,9 @@ class Contents:
             chosen = p.select(group)
             if not holds[[g.name for g in p.groups].index(group)]:
                 raise InputError(f"group of {name}", group, "one that holds the species")
-        given = values(p.view("x")[chosen]) if callable(values) else values
+        given = values
+        if callable(values):
+            given = values(self.domain.wrapped(p.view("x")[chosen])[0])
         number = int(chosen.sum())
         try:
             numbers = np.broadcast_to(np.asarray(given, float), (number,))

@@ -133,7 +133,7 @@ class Chemistry(Contents):
             splitting = "strang" if self._divides else "lie"
         self.add_fields(particles, species)
         depth = checked_rate("depth", depth)
-        super().__init__(device, particles, species, tables, seed, depth)
+        super().__init__(device, neighbours.domain, particles, species, tables, seed, depth)
         self.neighbours, self.splitting = neighbours, splitting
         self.reactions = list(reactions)
         self.normalise, self.binomial_cost = normalise, jumps.BINOMIAL_COST

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import threading
 import traceback
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from particell.cases import execution
 from particell.cases.base import Case, Context
 from particell.compute.threads import kept_threads
-from particell.errors import InputError, Interrupted
+from particell.errors import HealthWarning, InputError, Interrupted
 from particell.output.checkpoint import read_checkpoint
 from particell.output.files import prepare_directory
 from particell.output.run import CHECKPOINT, OWN_FILES, SUMMARY
@@ -171,13 +172,16 @@ class FunctionJob:
         self._finish(simulation, seed, directory)
 
     def _finish(self, simulation: Simulation, seed: int, directory: Path) -> None:
-        simulation.run(self.until, self.every, directory, progress=False)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", HealthWarning)  # the summary says the same
+            simulation.run(self.until, self.every, directory, progress=False)
         write_summary(
             directory / SUMMARY,
             case=self.name,
             parameters={},
             seed=seed,
             metrics={},
+            health=simulation.health(),
             conservation=simulation.conservation(),
             performance=simulation.performance,
             settings={"threads": self.threads, **simulation.settings},

@@ -78,6 +78,27 @@ class Domain:
         """Product of the edge lengths, in m^dim."""
         return float(np.prod(self.lengths))
 
+    def wrapped(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Points (n, dim) in the box, and how many edges each was away from it.
+
+        On periodic axes a point is brought to ``lower <= x < upper``; on others it stays.
+
+        Returns
+        -------
+        points, turns
+            (n, dim) in m, of the precision given, and whole numbers (n, dim):
+            ``points + turns * lengths`` is what was given, to round-off.
+        """
+        given = np.asarray(points)
+        kind = given.dtype if given.dtype.kind == "f" else np.dtype(float)
+        turns = np.floor((given - self.lower) * self.inverse_periods)
+        x = (given - turns * self.lengths).astype(kind)
+        first = self.lower.astype(kind)
+        first = np.where(first < self.lower, np.nextafter(first, kind.type(np.inf)), first)
+        # what lies below an edge by less than round-off would come out at the other one
+        over = self.periodic & (x >= self.upper)
+        return np.where(over | (self.periodic & (x < first)), first, x), turns + over
+
     def __repr__(self) -> str:
         axes = "".join(a for a, p in zip(AXES, self.periodic, strict=False) if p)
         return (

@@ -11,6 +11,7 @@ import numpy as np
 
 from particell.errors import InputError
 from particell.geometry.domain import Domain
+from particell.health.finding import Finding
 from particell.output import time_averages
 from particell.output.field import Field
 from particell.output.files import read_json
@@ -133,6 +134,15 @@ class Run:
         """The contents of ``summary.json``; empty while there is none."""
         path = self.directory / SUMMARY if self.directory else None
         return read_json(path, "summary") if path and path.exists() else {}
+
+    @cached_property
+    def health(self) -> list[Finding]:
+        """What :meth:`.Simulation.run` found, or ``summary.json`` says; empty without either."""
+        found = self.summary.get("health", {})
+        return [
+            Finding(name, f["value"], f["limit"], f.get("sentence", ""), f["kind"] == "least")
+            for name, f in found.items()
+        ]
 
     def __len__(self) -> int:
         return len(self.steps)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from particell.health.finding import Finding
 from particell.output.files import write_json
 
 LIBRARIES = ("numpy", "numba", "scipy", "h5py")
@@ -31,6 +32,7 @@ def write_summary(
     parameters: Mapping[str, Any],
     seed: int,
     metrics: Mapping[str, Mapping[str, Any]],
+    health: Iterable[Finding],
     conservation: Mapping[str, float],
     performance: Mapping[str, Any],
     settings: Mapping[str, Any],
@@ -49,6 +51,8 @@ def write_summary(
         Of the random numbers.
     metrics
         ``{name: {"value": …, "paper": …, "limit": …, "unit": …}}``.
+    health
+        What was found, as :meth:`.Simulation.health` gives it.
     conservation
         By how much momentum and amounts drifted.
     performance
@@ -67,6 +71,7 @@ def write_summary(
         "parameters": dict(parameters),
         "seed": seed,
         "metrics": {name: dict(metric) for name, metric in metrics.items()},
+        "health": {finding.name: finding.as_dict() for finding in health},
         "conservation": dict(conservation),
         "performance": dict(performance),
         "settings": {**settings, "versions": versions()},

@@ -1,0 +1,31 @@
+"""Whether a run can be trusted: its flow, its walls, its species, each against a limit.
+
+Most is a by-product of taking a frame; nothing is done between frames. What the limits are from is
+in ``docs/faults.md``.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from particell.health.finding import Finding, beyond
+from particell.health.flow import Watch
+from particell.health.species import of_species
+from particell.health.walls import of_walls
+
+if TYPE_CHECKING:
+    from particell.simulation import Simulation
+
+__all__ = ["Finding", "Watch", "beyond", "examine", "foresee"]
+
+
+def foresee(simulation: Simulation) -> list[Finding]:
+    """What is known before a simulation runs."""
+    return list(of_walls(simulation))
+
+
+def examine(simulation: Simulation) -> list[Finding]:
+    """Everything: the description, the present state, and the worst of the frames so far."""
+    simulation.start()
+    simulation.watch.look()
+    return [*of_walls(simulation), *simulation.watch.findings(), *of_species(simulation)]

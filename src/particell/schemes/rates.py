@@ -122,6 +122,7 @@ def rates(
     key0,
     key1,
     inverse_dt,
+    wall_friction,
     *,
     DIM,
     RECORD,
@@ -150,7 +151,8 @@ def rates(
     ``near…`` are the batch: differences of position and velocity, the neighbour's ρ, V, m, P/ρ²,
     the factor of a wall's difference of velocity, the pair's support, its friction coefficients
     and k_B T where they differ, the neighbour's id, the pair's mean kernel sum. With ``NORMAL``
-    friction is divided by that; with ``UNKNOWN`` some walls have no known surface.
+    friction is divided by that; with ``UNKNOWN`` some walls have no known surface. The
+    friction with walls is :mod:`particell.boundaries.wall_friction`'s Γ too, in ``wall_friction``.
     """
     if is_wall[i]:
         for d in range(DIM):
@@ -185,6 +187,8 @@ def rates(
     ax, ay, az = 0.0, 0.0, 0.0
     expansion, spread = 0.0, 0.0
     sx, sy, sz = 0.0, 0.0, 0.0
+    held = 0.0
+    hxx, hxy, hxz, hyy, hyz, hzz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     dy, dz, dv, dw = 0.0, 0.0, 0.0, 0.0
     width = np.uint64(2 * DIM)
     # the numbers of ``matter`` that are used, V at v_at: a gap would be vectorised by gathers
@@ -283,7 +287,7 @@ def rates(
                 other_sum = kernel_sum[j] if k < first_wall else kernel_sum[i]
                 near_sum[c] = 0.5 * (kernel_sum[i] + other_sum)
             c += np.uint64(r2 < reach2)
-            if SWITCH:
+            if SWITCH or WALLS:
                 fluid_end = c if k < first_wall else fluid_end
         filled = row + whole_lanes(c - row, BATCH)
         for q in range(c, filled):  # outside the support: without effect
@@ -348,6 +352,8 @@ def rates(
                 if RADIAL:
                     inverse_r = 1.0 / (r + TINY)
                     along -= radial_ij * friction * vx * inverse_r * inverse_r
+                if WALLS:
+                    near_wall[q] = friction * grow  # for what follows
                 if NOISE:
                     n0, n1, n2 = pair_numbers(id_i, near_id[q], step, key0, key1, GAUSSIAN, DIM)
                     fading = friction * inverse_mass * strength
@@ -368,6 +374,22 @@ def rates(
                     sx += push * dx
                     sy += push * dy
                     sz += push * dz
+        if FORCE and WALLS:
+            for q in range(fluid_end, c):
+                hold = near_wall[q]
+                held += hold
+                if RADIAL:
+                    at = q * width
+                    dx = near[at]
+                    dy = near[at + np.uint64(1)] if DIM > 1 else 0.0
+                    dz = near[at + np.uint64(2)] if DIM > 2 else 0.0
+                    hold /= dx * dx + dy * dy + dz * dz + TINY
+                    hxx += hold * dx * dx
+                    hxy += hold * dx * dy
+                    hxz += hold * dx * dz
+                    hyy += hold * dy * dy
+                    hyz += hold * dy * dz
+                    hzz += hold * dz * dz
         begin = end
     if DENSITY:
         density_rate[i] = -density_i * expansion + diffusion[g] * spread
@@ -383,3 +405,15 @@ def rates(
             a[i, 1] = ay + gravity[1]
         if DIM > 2:
             a[i, 2] = az + gravity[2]
+        if WALLS:
+            held *= transverse[g]
+            wall_friction[i, 0] = held + radial[g] * hxx
+            if RADIAL and DIM == 2:
+                wall_friction[i, 1] = radial[g] * hxy
+                wall_friction[i, 2] = held + radial[g] * hyy
+            if RADIAL and DIM == 3:
+                wall_friction[i, 1] = radial[g] * hxy
+                wall_friction[i, 2] = radial[g] * hxz
+                wall_friction[i, 3] = held + radial[g] * hyy
+                wall_friction[i, 4] = radial[g] * hyz
+                wall_friction[i, 5] = held + radial[g] * hzz

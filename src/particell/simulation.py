@@ -286,6 +286,7 @@ class Simulation:
                 solver.step(self.step, dt)
                 self.walls.bounce_back()
                 constraints.relax(self.step, dt)
+                solver.finish(self.step, dt)
                 self.step, self.time = self.step + 1, self.time + dt
                 if chemistry is not None and self.step % every == 0:
                     chemistry.step(self.step, every * dt, self.time)

@@ -122,6 +122,7 @@ def rates(
     key0,
     key1,
     inverse_dt,
+    wall_friction,
     *,
     DIM,
     RECORD,
@@ -150,7 +151,8 @@ def rates(
     ``near…`` are the batch: differences of position and velocity, the neighbour's ρ, V, m, P/ρ²,
     the factor of a wall's difference of velocity, the pair's support, its friction coefficients
     and k_B T where they differ, the neighbour's id, the pair's mean kernel sum. With ``NORMAL``
-    friction is divided by that; with ``UNKNOWN`` some walls have no known surface.
+    friction is divided by that; with ``UNKNOWN`` some walls have no known surface. The coefficient
+    of the friction with walls goes to ``wall_friction`` (:mod:`particell.boundaries.wall_friction`).
     """
     if is_wall[i]:
         for d in range(DIM):
@@ -185,6 +187,8 @@ def rates(
     ax, ay, az = 0.0, 0.0, 0.0
     expansion, spread = 0.0, 0.0
     sx, sy, sz = 0.0, 0.0, 0.0
+    held = 0.0
+    hxx, hxy, hxz, hyy, hyz, hzz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     dy, dz, dv, dw = 0.0, 0.0, 0.0, 0.0
     width = np.uint64(2 * DIM)
     # the numbers of ``matter`` that are used, V at v_at: a gap would be vectorised by gathers
@@ -283,7 +287,7 @@ def rates(
                 other_sum = kernel_sum[j] if k < first_wall else kernel_sum[i]
                 near_sum[c] = 0.5 * (kernel_sum[i] + other_sum)
             c += np.uint64(r2 < reach2)
-            if SWITCH:
+            if SWITCH or WALLS:
                 fluid_end = c if k < first_wall else fluid_end
         filled = row + whole_lanes(c - row, BATCH)
         for q in range(c, filled):  # outside the support: without effect
@@ -348,6 +352,17 @@ def rates(
                 if RADIAL:
                     inverse_r = 1.0 / (r + TINY)
                     along -= radial_ij * friction * vx * inverse_r * inverse_r
+                if WALLS:
+                    hold = friction * grow if q >= fluid_end else 0.0
+                    held += transverse_ij * hold
+                    if RADIAL:
+                        hold *= radial_ij * inverse_r * inverse_r
+                        hxx += hold * dx * dx
+                        hxy += hold * dx * dy
+                        hxz += hold * dx * dz
+                        hyy += hold * dy * dy
+                        hyz += hold * dy * dz
+                        hzz += hold * dz * dz
                 if NOISE:
                     n0, n1, n2 = pair_numbers(id_i, near_id[q], step, key0, key1, GAUSSIAN, DIM)
                     fading = friction * inverse_mass * strength
@@ -383,3 +398,14 @@ def rates(
             a[i, 1] = ay + gravity[1]
         if DIM > 2:
             a[i, 2] = az + gravity[2]
+        if WALLS:
+            wall_friction[i, 0] = held + hxx
+            if RADIAL and DIM == 2:
+                wall_friction[i, 1] = hxy
+                wall_friction[i, 2] = held + hyy
+            if RADIAL and DIM == 3:
+                wall_friction[i, 1] = hxy
+                wall_friction[i, 2] = hxz
+                wall_friction[i, 3] = held + hyy
+                wall_friction[i, 4] = hyz
+                wall_friction[i, 5] = held + hzz

@@ -6,10 +6,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from particell.boundaries.wall_friction import (
+    FREE,
+    ISOTROPIC,
+    TENSOR,
+    draw_spread,
+    friction_width,
+    take_spread,
+)
 from particell.compute.batches import batch_size
 from particell.compute.device import Device
 from particell.compute.neighbours import NeighbourList
-from particell.compute.philox import PAIR_NOISE, stream_key
+from particell.compute.philox import PAIR_NOISE, VELOCITY_SPREAD, stream_key
 from particell.compute.reduce import Reduction
 from particell.errors import InputError
 from particell.geometry.domain import Domain
@@ -145,6 +153,16 @@ class SDPDSolver:
             "MATTER": MATTER[dim],
         }
         o = self.options
+        self.held = FREE
+        if o["WALLS"]:
+            self.held = TENSOR if o["RADIAL"] else ISOTROPIC
+            particles.add("wall_friction", friction_width(self.held, dim))
+        else:
+            self.constants["wall_friction"] = device.zeros((1, 1))
+        self.spreads = self.held != FREE and scheme.fluctuations and not self.trapezoidal
+        if self.spreads:
+            particles.add("velocity_spread", dim)
+            self._spread_key = stream_key(seed, VELOCITY_SPREAD)
         self.constants |= batch_fields(
             device, self.n, dim, o["UNIFORM"], o["WALLS"], o["MIXED"], o["NOISE"], o["NORMAL"]
         )
@@ -203,7 +221,13 @@ class SDPDSolver:
             fields["exchange"] = self.constants["kernel_sum"]  # which is not kept
             sums = {"BATCH": o["BATCH"], "SUM": True, "KEEP": False}
             self._kernel_sums = bind(pair_slopes, fields, **small, **sums)
-        self.kick = bind(updates.kick, fields, **dim)
+        held = {"HELD": self.held}
+        self.kick = bind(updates.kick, fields, **dim, **held)
+        if self.spreads:
+            key0, key1 = self._spread_key
+            spread = {**fields, "key0": key0, "key1": key1}
+            self._draw_spread = bind(draw_spread, spread, **dim, **held)
+            self._take_spread = bind(take_spread, fields, **dim)
         self.drift = bind(updates.drift, fields, **dim)
         self.equation_of_state = bind(updates.equation_of_state, fields)
         if self.shifting:
@@ -212,8 +236,8 @@ class SDPDSolver:
             self.transport_velocity = bind(updates.transport_velocity, without_pressure, **dim)
         if self.trapezoidal:
             self.remember = bind(updates.remember, fields, **dim)
-            self.predict = bind(updates.predict, fields, **dim)
-            self.correct = bind(updates.correct, fields, **dim)
+            self.predict = bind(updates.predict, fields, **dim, **held)
+            self.correct = bind(updates.correct, fields, **dim, **held)
 
     def build_list(self) -> None:
         """Build the neighbour list at the present positions."""
@@ -259,6 +283,8 @@ class SDPDSolver:
         volumes in it are extrapolated to n + 1/2 too, else it would be of first order.
         """
         n = self.n
+        if self.spreads:
+            self._take_spread(n)
         self.kick(n, 0.5 * dt)
         if self.shifting:
             self.transport_velocity(n, self.shift_pressure, dt)
@@ -279,6 +305,14 @@ class SDPDSolver:
             self._thermodynamics(dt)
         self.accelerate(step + 1, dt)
         self.kick(n, 0.5 * dt)
+
+    def finish(self, step: int, dt: float) -> None:
+        """Give v its spread at whole steps, when everything has acted on it.
+
+        See :mod:`particell.boundaries.wall_friction`.
+        """
+        if self.spreads:
+            self._draw_spread(self.n, step, 0.5 * dt)
 
     def _trapezoidal(self, step: int, dt: float) -> None:
         """The papers' explicit two-stage rule; the same noise in both stages."""

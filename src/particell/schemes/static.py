@@ -66,3 +66,6 @@ class StaticSolver:
 
     def step(self, step: int, dt: float) -> None:
         """Nothing moves."""
+
+    def finish(self, step: int, dt: float) -> None:
+        """Nothing moved."""

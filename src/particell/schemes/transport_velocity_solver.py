@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from particell.boundaries.wall_friction import FREE
 from particell.compute.device import Device
 from particell.compute.neighbours import NeighbourList
 from particell.errors import InputError
@@ -79,7 +80,7 @@ class TransportVelocitySolver(SDPDSolver):
         self._pack_flux = bind(pack_flux, fields, DIM=dim, RECORD=o["RECORD"])
         form, exact = FORMS[self.scheme.momentum_flux], self.scheme.renormalise
         self._flux_rates = bind(flux_rates, fields, **same, FLUX=form, EXACT=exact)
-        self._add_flux = bind(updates.kick, {**fields, "a": fields["flux"]}, DIM=dim)
+        self._add_flux = bind(updates.kick, {**fields, "a": fields["flux"]}, DIM=dim, HELD=FREE)
         self._filter = bind(filtered_density, fields, DIM=dim, KERNEL=o["KERNEL"])
 
     def step(self, step: int, dt: float) -> None:

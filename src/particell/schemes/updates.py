@@ -4,16 +4,27 @@ from __future__ import annotations
 
 import math
 
+from particell.boundaries.wall_friction import slowed
 from particell.compute.loop import particle_loop
 from particell.laws.shifting import LARGEST
 from particell.materials import pressure_of
 
 
 @particle_loop
-def kick(i, v, a, dt, *, DIM):
-    """v += dt a."""
-    for d in range(DIM):
-        v[i, d] += dt * a[i, d]
+def kick(i, v, a, wall_friction, dt, *, DIM, HELD):
+    """v += dt a, beside walls (``HELD``) dt (I + dt Γ)⁻¹ a: dt is half a step."""
+    if HELD:
+        ay = a[i, 1] if DIM > 1 else 0.0
+        az = a[i, 2] if DIM > 2 else 0.0
+        ax, ay, az = slowed(i, wall_friction, dt, a[i, 0], ay, az, DIM, HELD)
+        v[i, 0] += dt * ax
+        if DIM > 1:
+            v[i, 1] += dt * ay
+        if DIM > 2:
+            v[i, 2] += dt * az
+    else:
+        for d in range(DIM):
+            v[i, d] += dt * a[i, d]
 
 
 @particle_loop
@@ -106,13 +117,27 @@ def remember(i, x, v, density, a, density_rate, x0, v0, density0, a0, density_ra
 
 
 @particle_loop
-def predict(i, is_wall, slides, x, v, density, a, density_rate, dt, *, DIM):
-    """The Euler predictor: x, v and ρ a step on with the rates at its beginning."""
+def predict(i, is_wall, slides, x, v, density, a, density_rate, wall_friction, dt, *, DIM, HELD):
+    """The Euler predictor: x, v and ρ a step on with the rates at its beginning.
+
+    Beside walls (``HELD``) it is the velocity's implicit midpoint rule, as in a :func:`kick`.
+    """
     if slides[i]:
         return
     for d in range(DIM):
         x[i, d] += dt * v[i, d]
-        v[i, d] += dt * a[i, d]
+    if HELD:
+        ay = a[i, 1] if DIM > 1 else 0.0
+        az = a[i, 2] if DIM > 2 else 0.0
+        ax, ay, az = slowed(i, wall_friction, 0.5 * dt, a[i, 0], ay, az, DIM, HELD)
+        v[i, 0] += dt * ax
+        if DIM > 1:
+            v[i, 1] += dt * ay
+        if DIM > 2:
+            v[i, 2] += dt * az
+    else:
+        for d in range(DIM):
+            v[i, d] += dt * a[i, d]
     if not is_wall[i]:
         density[i] += dt * density_rate[i]
 
@@ -132,16 +157,39 @@ def correct(
     density0,
     a0,
     density_rate0,
+    wall_friction,
     dt,
     *,
     DIM,
+    HELD,
 ):
-    """The trapezoidal corrector: the mean of the rates at both ends of the step."""
+    """The trapezoidal corrector: the mean of the rates at both ends of the step.
+
+    Beside walls (``HELD``) the friction with them, which a holds at the predicted velocity, is
+    made implicit: (I + ½dt Γ)(v − v0) = ½dt (a0 + a + dt Γ w) with the predictor's w = (v − v0)/dt,
+    that is v = v0 + ½dt (3w + M(a − 2w)) where Γ is the same at both ends.
+    """
     if slides[i]:
         return
     half = 0.5 * dt
     for d in range(DIM):
         x[i, d] = x0[i, d] + half * (v0[i, d] + v[i, d])
-        v[i, d] = v0[i, d] + half * (a0[i, d] + a[i, d])
+    if HELD:
+        inverse = 1.0 / dt
+        wx = (v[i, 0] - v0[i, 0]) * inverse
+        wy = (v[i, 1] - v0[i, 1]) * inverse if DIM > 1 else 0.0
+        wz = (v[i, 2] - v0[i, 2]) * inverse if DIM > 2 else 0.0
+        ay = a[i, 1] - 2.0 * wy if DIM > 1 else 0.0
+        az = a[i, 2] - 2.0 * wz if DIM > 2 else 0.0
+        ax = a[i, 0] - 2.0 * wx
+        ax, ay, az = slowed(i, wall_friction, half, ax, ay, az, DIM, HELD)
+        v[i, 0] = v0[i, 0] + half * (3.0 * wx + ax)
+        if DIM > 1:
+            v[i, 1] = v0[i, 1] + half * (3.0 * wy + ay)
+        if DIM > 2:
+            v[i, 2] = v0[i, 2] + half * (3.0 * wz + az)
+    else:
+        for d in range(DIM):
+            v[i, d] = v0[i, d] + half * (a0[i, d] + a[i, d])
     if not is_wall[i]:
         density[i] = density0[i] + half * (density_rate0[i] + density_rate[i])

@@ -38,7 +38,7 @@ from particell.restart import restore, state_of
 from particell.schemes.static import Static, StaticSolver
 from particell.schemes.timestep import check_number_of_steps
 from particell.setup import build_materials, build_neighbours, build_particles, lattice_sum
-from particell.speeds import Scheme, default_sound_speed, flow_limits, initial_speed
+from particell.speeds import Scheme, check_given_step, default_sound_speed, flow_limits, initial_speed
 from particell.walls import Walls
 
 if TYPE_CHECKING:
@@ -173,6 +173,9 @@ class Simulation:
         self.step, self.time = 0, 0.0
         self.chemistry_every = 1
         self.dt = self.largest_step() if self.automatic else float(dt)
+        if not self.automatic:
+            h = float(self.particles.host("support").min())
+            check_given_step(self.dt, h, self.materials, scheme, dim)
         self.resumed, self.resumed_plan = False, None
         self.resumed_averages: dict[str, np.ndarray] = {}
         self._started = False
@@ -191,7 +194,8 @@ class Simulation:
             limits = self.chemistry.limits() if self.chemistry else {}
             return min(limits.values(), default=1.0)
         h = float(self.particles.host("support").min())
-        steps = [found.smallest for found in flow_limits(h, self.materials, self.scheme, speed)]
+        limits = flow_limits(h, self.materials, self.scheme, speed, self.domain.dim)
+        steps = [found.smallest for found in limits]
         return min(*steps, self._diffusive_limit())
 
     def _diffusive_limit(self) -> float:

@@ -13,9 +13,10 @@ from particell.errors import InputError
 from particell.geometry.domain import Domain
 from particell.materials import BOLTZMANN, Fluid
 from particell.phases import Phase
+from particell.schemes.friction_limit import stiffest
 from particell.schemes.sdpd import SDPD
 from particell.schemes.static import Static
-from particell.schemes.timestep import StepLimits, sound_speed_by_rule, step_limits
+from particell.schemes.timestep import UNSTABLE, StepLimits, sound_speed_by_rule, step_limits
 from particell.schemes.transport_velocity import TransportVelocity
 
 #: What a simulation can be moved by.
@@ -49,7 +50,7 @@ def initial_speed(
 
 
 def flow_limits(
-    support: float, materials: Sequence[Fluid], scheme: Scheme, speed: float
+    support: float, materials: Sequence[Fluid], scheme: Scheme, speed: float, dim: int
 ) -> list[StepLimits]:
     """The limits of the time step for each material, at the smallest support in m."""
     assert not isinstance(scheme, Static)
@@ -62,9 +63,47 @@ def flow_limits(
             max(m.viscosity, m.bulk_viscosity) / m.density,
             gravity,
             scheme.viscous_factor,
+            friction,
         )
-        for m in materials
+        for m, friction in zip(
+            materials, largest_frictions(support, materials, scheme, dim), strict=True
+        )
     ]
+
+
+def largest_frictions(
+    support: float, materials: Sequence[Fluid], scheme: Scheme, dim: int
+) -> list[float]:
+    """λ_max of :mod:`particell.schemes.friction_limit` in 1/s for each material among all."""
+    assert not isinstance(scheme, Static)
+    kinds = [scheme.friction(m, dim) for m in materials]
+    how = (scheme.kernel, scheme.support, dim, scheme.normalise_viscosity)
+    return [
+        stiffest(kind, kinds, *how) / (m.density * support**2)
+        for m, kind in zip(materials, kinds, strict=True)
+    ]
+
+
+def check_given_step(
+    dt: float, support: float, materials: Sequence[Fluid], scheme: Scheme, dim: int
+) -> None:
+    """Refuse a time step in s at which the friction between fluid particles is unstable.
+
+    Raises
+    ------
+    InputError
+        Naming ``dt``, the limit of stability and the step that the rules choose.
+    """
+    if isinstance(scheme, Static):
+        return
+    viscosity = min(found.viscosity for found in flow_limits(support, materials, scheme, 0.0, dim))
+    fastest = max(largest_frictions(support, materials, scheme, dim))
+    if dt * fastest > UNSTABLE:
+        allowed = (
+            f"below {UNSTABLE / fastest:.3g} s, where viscosity makes the step unstable "
+            f"('auto' takes at most {viscosity:.3g} s)"
+        )
+        raise InputError("dt", dt, allowed)
 
 
 def thermal_speed(phases: Sequence[Phase], depth_factor: float) -> float:

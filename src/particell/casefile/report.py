@@ -82,7 +82,8 @@ def _limits(simulation: Simulation) -> dict[str, float]:
         return simulation.chemistry.limits() if simulation.chemistry else {}
     h = float(simulation.particles.host("support").min())
     limits: dict[str, float] = {}
-    for found in flow_limits(h, simulation.materials, scheme, simulation._speed):
+    dim = simulation.domain.dim
+    for found in flow_limits(h, simulation.materials, scheme, simulation._speed, dim):
         limits[found.reason] = min(found.smallest, limits.get(found.reason, math.inf))
     return limits
 

@@ -151,8 +151,8 @@ def rates(
     ``near…`` are the batch: differences of position and velocity, the neighbour's ρ, V, m, P/ρ²,
     the factor of a wall's difference of velocity, the pair's support, its friction coefficients
     and k_B T where they differ, the neighbour's id, the pair's mean kernel sum. With ``NORMAL``
-    friction is divided by that; with ``UNKNOWN`` some walls have no known surface. The coefficient
-    of the friction with walls goes to ``wall_friction`` (:mod:`particell.boundaries.wall_friction`).
+    friction is divided by that; with ``UNKNOWN`` some walls have no known surface. The
+    friction with walls is :mod:`particell.boundaries.wall_friction`'s Γ too, in ``wall_friction``.
     """
     if is_wall[i]:
         for d in range(DIM):

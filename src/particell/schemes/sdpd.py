@@ -131,6 +131,11 @@ class SDPD:
             return VISCOUS_TRAPEZOIDAL_NOISE
         return VISCOUS
 
+    @staticmethod
+    def friction(material: Fluid, dim: int) -> tuple[float, float]:
+        """Transverse and radial factor of F/(d_i d_j) in the friction of a material, in Pa s."""
+        return SDPDSolver.friction(material, dim)
+
     def solver(
         self,
         device: Device,

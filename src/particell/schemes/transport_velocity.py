@@ -150,6 +150,11 @@ class TransportVelocity:
         """P_b in units of ρ₀c₀², by the name that SDPD has for it."""
         return self.background
 
+    @staticmethod
+    def friction(material: Fluid, dim: int) -> tuple[float, float]:
+        """Transverse and radial factor of F/(d_i d_j) in the friction of a material, in Pa s."""
+        return TransportVelocitySolver.friction(material, dim)
+
     def solver(
         self,
         device: Device,

@@ -38,7 +38,13 @@ from particell.restart import restore, state_of
 from particell.schemes.static import Static, StaticSolver
 from particell.schemes.timestep import check_number_of_steps
 from particell.setup import build_materials, build_neighbours, build_particles, lattice_sum
-from particell.speeds import Scheme, check_given_step, default_sound_speed, flow_limits, initial_speed
+from particell.speeds import (
+    Scheme,
+    check_given_step,
+    default_sound_speed,
+    flow_limits,
+    initial_speed,
+)
 from particell.walls import Walls
 
 if TYPE_CHECKING:

@@ -200,8 +200,8 @@ class Simulation:
             limits = self.chemistry.limits() if self.chemistry else {}
             return min(limits.values(), default=1.0)
         h = float(self.particles.host("support").min())
-        limits = flow_limits(h, self.materials, self.scheme, speed, self.domain.dim)
-        steps = [found.smallest for found in limits]
+        flow = flow_limits(h, self.materials, self.scheme, speed, self.domain.dim)
+        steps = [found.smallest for found in flow]
         return min(*steps, self._diffusive_limit())
 
     def _diffusive_limit(self) -> float:

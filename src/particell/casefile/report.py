@@ -19,6 +19,9 @@ from particell.speeds import flow_limits
 
 #: Cases with more particles are counted, not built.
 MOST_BUILT = 300_000
+#: Bytes of a particle without its row of the neighbour list, by dimension, and of a place in that
+#: (four, and room for rows that become longer).
+FIELDS, BYTES_A_NEIGHBOUR = {1: 400, 2: 500, 3: 700}, 5.3
 #: Seconds that steps are timed for, about.
 TIMED = 2.0
 
@@ -47,7 +50,7 @@ def report(case: Case, timing: bool = True, threads: int | None = None) -> Itera
         if (total := sum(estimates.values())) > MOST_BUILT:
             parts = ", ".join(f"{name} {number:.3g}" for name, number in estimates.items())
             yield f"particles: about {total:.3g} ({parts})"
-            yield f"memory:    at most {_bytes(total * BYTES_A_PARTICLE)}"
+            yield f"memory:    about {_bytes(total * BYTES_A_PARTICLE)}, more with a large support"
             yield "not built: too many to count one by one here; `particell run` checks the rest"
             return
     simulation = case.build(Context(threads=threads))
@@ -60,9 +63,17 @@ def report(case: Case, timing: bool = True, threads: int | None = None) -> Itera
     if simulation.chemistry and simulation.chemistry_every > 1:
         yield f"chemistry: one step in {simulation.chemistry_every}"
     yield f"steps:     {steps} to {case.until:.3g} s, a frame every {case.every:.3g} s"
-    yield f"memory:    at most {_bytes(len(groups) * BYTES_A_PARTICLE)}"
+    yield f"memory:    about {_bytes(len(groups) * bytes_a_particle(simulation))}"
     if timing:
         yield f"time:      about {_duration(steps * seconds_a_step(simulation, steps))}"
+
+
+def bytes_a_particle(simulation: Simulation) -> float:
+    """Memory of a particle on a lattice, without species; rather too much than too little."""
+    scheme, dim = simulation.scheme, simulation.domain.dim
+    ball = math.pi ** (dim / 2) / math.gamma(dim / 2 + 1)
+    listed = ball * (scheme.support * (1 + (scheme.skin or 0.1))) ** dim
+    return FIELDS[dim] + BYTES_A_NEIGHBOUR * listed
 
 
 def limit(simulation: Simulation) -> str:

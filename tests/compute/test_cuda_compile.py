@@ -72,6 +72,7 @@ def flows():
     yield periodic_lattice(8, 2, hot, fluctuations=True, density="summation")
     yield periodic_lattice(8, 3, hot, fluctuations=True, density="summation")
     yield channel((8, 6), gravity=(0.1, 0.0), boundaries=[sponge, floor], density_diffusion=0.1)
+    yield channel((8, 6), hot, fluctuations=True, density="summation", density_diffusion=None)
     yield periodic_lattice(8, 2, integrator="trapezoidal")
     yield periodic_lattice(8, 1)
 

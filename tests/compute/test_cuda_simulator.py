@@ -23,6 +23,7 @@ from particell.geometry.domain import Domain
 from particell.geometry.shapes import HalfSpace
 from particell.materials import AVOGADRO
 from particell.phases import channel_walls, fluid
+from particell.schemes.sdpd import SDPD
 from particell.schemes.static import Static
 from particell.schemes.transport_velocity import TransportVelocity
 from particell.simulation import Simulation
@@ -35,6 +36,16 @@ SMALL = dict(support=2.2, skin=0.3)
 def noisy(device):
     return periodic_lattice(6, 2, HOT, jitter=0.1, device=device, fluctuations=True,
                             density="summation", **SMALL), 3
+
+def hot_walls(device):
+    return channel((6, 3), HOT, device=device, fluctuations=True, density="summation",
+                   density_diffusion=None, **SMALL), 2
+
+def hot_walls_in_space(device):
+    domain = Domain((0, 0, 0), (5, 2, 5), periodic="xz", depth=1.0)
+    layers = channel_walls(domain, HOT, 1.0, axis=1, layers=2)
+    scheme = SDPD(fluctuations=True, density="summation", support=1.9, skin=0.2)
+    return Simulation(domain, [fluid(domain, HOT, 1.0), *layers], scheme, device=device), 2
 
 def walls(device):
     sponge = Sponge(1.0, 4.0, time=0.5, velocity=lambda x: np.ones_like(x))
@@ -71,7 +82,7 @@ def plates(device):
     return Simulation(domain, [fluid(domain, unit_fluid(), 1.0), *moving], scheme,
                       device=device), 2
 
-for make in (noisy, walls, trapezoidal, species, transported, plates):
+for make in (noisy, hot_walls, hot_walls_in_space, walls, trapezoidal, species, transported, plates):
     states = []
     for backend in ("cpu", "cuda"):
         simulation, steps = make(Device(backend))
@@ -101,8 +112,10 @@ def test_cuda_gives_what_the_cpu_gives():
         [sys.executable, "-c", SCRIPT], capture_output=True, text=True, env=environment, timeout=300
     )
     assert done.returncode == 0, done.stderr[-3000:]
-    assert done.stdout.split("\n")[:7] == [
+    assert done.stdout.split("\n")[:9] == [
         "noisy agrees",
+        "hot_walls agrees",
+        "hot_walls_in_space agrees",
         "walls agrees",
         "trapezoidal agrees",
         "species agrees",

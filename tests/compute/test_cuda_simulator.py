@@ -82,7 +82,8 @@ def plates(device):
     return Simulation(domain, [fluid(domain, unit_fluid(), 1.0), *moving], scheme,
                       device=device), 2
 
-for make in (noisy, hot_walls, hot_walls_in_space, walls, trapezoidal, species, transported, plates):
+hot = (noisy, hot_walls, hot_walls_in_space)
+for make in (*hot, walls, trapezoidal, species, transported, plates):
     states = []
     for backend in ("cpu", "cuda"):
         simulation, steps = make(Device(backend))

@@ -353,16 +353,7 @@ def rates(
                     inverse_r = 1.0 / (r + TINY)
                     along -= radial_ij * friction * vx * inverse_r * inverse_r
                 if WALLS:
-                    hold = friction * grow if q >= fluid_end else 0.0
-                    held += transverse_ij * hold
-                    if RADIAL:
-                        hold *= radial_ij * inverse_r * inverse_r
-                        hxx += hold * dx * dx
-                        hxy += hold * dx * dy
-                        hxz += hold * dx * dz
-                        hyy += hold * dy * dy
-                        hyz += hold * dy * dz
-                        hzz += hold * dz * dz
+                    near_wall[q] = friction * grow  # for what follows
                 if NOISE:
                     n0, n1, n2 = pair_numbers(id_i, near_id[q], step, key0, key1, GAUSSIAN, DIM)
                     fading = friction * inverse_mass * strength
@@ -383,6 +374,22 @@ def rates(
                     sx += push * dx
                     sy += push * dy
                     sz += push * dz
+        if FORCE and WALLS:
+            for q in range(fluid_end, c):
+                hold = near_wall[q]
+                held += hold
+                if RADIAL:
+                    at = q * width
+                    dx = near[at]
+                    dy = near[at + np.uint64(1)] if DIM > 1 else 0.0
+                    dz = near[at + np.uint64(2)] if DIM > 2 else 0.0
+                    hold /= dx * dx + dy * dy + dz * dz + TINY
+                    hxx += hold * dx * dx
+                    hxy += hold * dx * dy
+                    hxz += hold * dx * dz
+                    hyy += hold * dy * dy
+                    hyz += hold * dy * dz
+                    hzz += hold * dz * dz
         begin = end
     if DENSITY:
         density_rate[i] = -density_i * expansion + diffusion[g] * spread
@@ -399,13 +406,14 @@ def rates(
         if DIM > 2:
             a[i, 2] = az + gravity[2]
         if WALLS:
-            wall_friction[i, 0] = held + hxx
+            held *= transverse[g]
+            wall_friction[i, 0] = held + radial[g] * hxx
             if RADIAL and DIM == 2:
-                wall_friction[i, 1] = hxy
-                wall_friction[i, 2] = held + hyy
+                wall_friction[i, 1] = radial[g] * hxy
+                wall_friction[i, 2] = held + radial[g] * hyy
             if RADIAL and DIM == 3:
-                wall_friction[i, 1] = hxy
-                wall_friction[i, 2] = hxz
-                wall_friction[i, 3] = held + hyy
-                wall_friction[i, 4] = hyz
-                wall_friction[i, 5] = held + hzz
+                wall_friction[i, 1] = radial[g] * hxy
+                wall_friction[i, 2] = radial[g] * hxz
+                wall_friction[i, 3] = held + radial[g] * hyy
+                wall_friction[i, 4] = radial[g] * hyz
+                wall_friction[i, 5] = held + radial[g] * hzz

@@ -25,7 +25,12 @@ from particell.compute.device import Device
 from particell.compute.loop import particle_loop
 from particell.compute.rounding import nearest_whole
 from particell.kernels import power, shape_f
-from particell.laws.continuity import density_diffusion, divergence
+from particell.laws.continuity import (
+    density_diffusion,
+    density_per_head,
+    divergence,
+    middle_of_pair,
+)
 from particell.laws.fluctuations import noise_amplitudes, pair_numbers
 from particell.laws.pressure import pressure_acceleration
 from particell.laws.shifting import crowding
@@ -108,6 +113,11 @@ def rates(
     diffusion,
     thermal,
     gravity,
+    buoyancy,
+    reference,
+    sound_speed,
+    exponent,
+    equation,
     near,
     near_matter,
     near_wall,
@@ -135,6 +145,8 @@ def rates(
     FORCE,
     RADIAL,
     DELTA,
+    HEAD,
+    PARTED,
     NOISE,
     GAUSSIAN,
     WALLS,
@@ -147,7 +159,8 @@ def rates(
 
     ``shift`` receives the sum of :mod:`particell.laws.shifting` (with the forces).
     ``transverse``, ``radial`` and ``thermal`` (k_B T) are tables by group; ``diffusion`` is
-    2 δ h c₀ by group. ``inverse_dt`` is 1/dt, by which the squared noise grows. The arrays
+    2 δ c₀ by group, ``equation`` the number of its equation of state; with ``HEAD`` the part of a
+    fluid at rest is taken from density differences, with that of ``buoyancy`` where it is 2. ``inverse_dt`` is 1/dt, by which the squared noise grows. The arrays
     ``near…`` are the batch: differences of position and velocity, the neighbour's ρ, V, m, P/ρ²,
     the factor of a wall's difference of velocity, the pair's support, its friction coefficients
     and k_B T where they differ, the neighbour's id, the pair's mean kernel sum. With ``NORMAL``
@@ -183,6 +196,9 @@ def rates(
     transverse_ij = transverse[g]
     radial_ij = radial[g]
     strength = 2.0 * thermal[g] * inverse_dt
+    per_head = 0.0
+    if DELTA and DENSITY and HEAD:
+        per_head = density_per_head(density_i, reference[g], sound_speed[g], exponent[g])
     id_i = id[i]
     ax, ay, az = 0.0, 0.0, 0.0
     expansion, spread = 0.0, 0.0
@@ -238,7 +254,15 @@ def rates(
                 near[at + np.uint64(5)] = dw
             to = c * fields
             if DELTA and DENSITY:
-                near_matter[to] = record[other + np.uint64(MATTER)]
+                density_j = record[other + np.uint64(MATTER)]
+                if HEAD:  # less what it differs by in a fluid at rest
+                    weight = middle_of_pair(per_head, density_i, density_j, exponent[g])
+                    for d in range(DIM):
+                        force = gravity[d]
+                        if HEAD == 2:
+                            force += 0.5 * (buoyancy[i, d] + buoyancy[j, d])
+                        density_j += weight * force * near[at + np.uint64(d)]
+                near_matter[to] = density_j
             near_matter[to + v_at] = record[other + np.uint64(MATTER + 1)]
             if FORCE:
                 near_matter[to + v_at + np.uint64(1)] = record[other + np.uint64(MATTER + 2)]
@@ -250,6 +274,8 @@ def rates(
                 near_support[c] = h
                 reach2 = h * h
             gj = group[j]
+            if PARTED and DELTA and DENSITY and equation[gj] != equation[g]:
+                near_matter[to] = density_i  # between two fluids density jumps
             if WALLS:
                 grow = 1.0
                 if k >= first_wall:
@@ -327,8 +353,8 @@ def rates(
             if DENSITY:
                 expansion += divergence(weight, vx)
                 if DELTA:
-                    density_j = near_matter[to]
-                    spread += density_diffusion(weight, density_i, density_j)
+                    part = density_diffusion(weight, density_i, near_matter[to])
+                    spread += part if UNIFORM else near_support[q] * part
             if FORCE:
                 mass_j = near_matter[to + v_at + np.uint64(1)]
                 term_j = near_matter[to + v_at + np.uint64(2)]
@@ -392,6 +418,8 @@ def rates(
                     hzz += hold * dz * dz
         begin = end
     if DENSITY:
+        if UNIFORM:
+            spread *= hi
         density_rate[i] = -density_i * expansion + diffusion[g] * spread
     if SHIFT:
         shift[i, 0] = sx

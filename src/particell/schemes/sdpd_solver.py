@@ -74,8 +74,6 @@ class SDPDSolver:
         dim = self.dim
         by_group = [materials[g.material] for g in particles.groups]
         friction = [self.friction(m, dim) for m in by_group]
-        support = particles.host("support")
-        h = float(support.max())
         gravity = np.zeros(dim) if scheme.gravity is None else np.array(scheme.gravity, dtype=float)
         if gravity.shape != (dim,):
             raise InputError("gravity", scheme.gravity, f"{dim} numbers")
@@ -117,12 +115,14 @@ class SDPDSolver:
         code = kernel_code(scheme.kernel)
         array = device.array
         key = stream_key(seed, PAIR_NOISE)
+        equations = [(m.density, m.sound_speed, m.exponent, m.background_pressure) for m in by_group]
         sound_speeds = np.array([m.sound_speed for m in by_group], dtype=float)
         self.constants = {
             "alpha": normalisation(code, dim),
             "transverse": array(np.array([f[0] for f in friction])),
             "radial": array(np.array([f[1] for f in friction])),
-            "diffusion": array(2 * scheme.delta * h * sound_speeds),
+            "diffusion": array(2 * scheme.delta * sound_speeds),
+            "equation": array(np.array([equations.index(e) for e in equations])),
             "thermal": array(self.thermal),
             "gravity": array(gravity),
             "key0": key[0],
@@ -141,6 +141,8 @@ class SDPDSolver:
             "MIXED": len(pairings) > 1,
             "RADIAL": any(f[1] != 0 for f in friction),
             "DELTA": scheme.delta > 0,
+            "HEAD": 1 if np.any(gravity) else 0,  # 2 with forces besides
+            "PARTED": len(set(equations)) > 1,
             "NOISE": scheme.fluctuations,
             "GAUSSIAN": scheme.noise == "gaussian",
             "WALLS": bool(neighbours.constants["WALLS"]),
@@ -172,6 +174,7 @@ class SDPDSolver:
             ("wall_direction", (1, dim)),
             ("wall_distance", 1),
             ("wall_acceleration", (1, dim)),
+            ("buoyancy", (1, dim)),
         ):
             if name not in particles:
                 self.constants[name] = device.zeros(shape)
@@ -201,6 +204,8 @@ class SDPDSolver:
         without_pressure = {k: v for k, v in fields.items() if k != "pressure"}
         bind = self.device.bind
         dim, o = {"DIM": self.dim}, self.options
+        if "buoyancy" in self.particles:
+            o["HEAD"] = 2
         record = {k: o[k] for k in ("DIM", "RECORD", "MATTER")}
         small = {k: o[k] for k in ("DIM", "KERNEL", "UNIFORM")}
         continuity = not self.summation

@@ -57,7 +57,7 @@ class TransportVelocitySolver(SDPDSolver):
         o["SWITCH"] = 1 if scheme.pressure_switch else PRESSURE_FORCES[scheme.pressure_force]
         self.FIXED_VOLUME = scheme.fixed_volume
         self.constants |= flux_fields(
-            device, self.n, self.dim, o["UNIFORM"], o["WALLS"], RECORD[self.dim]
+            device, self.n, self.dim, o["UNIFORM"], o["WALLS"], o["DELTA"], RECORD[self.dim]
         )
 
     @staticmethod
@@ -75,13 +75,17 @@ class TransportVelocitySolver(SDPDSolver):
         bind, dim, o = self.device.bind, self.dim, self.options
         same = {
             k: o[k]
-            for k in ("DIM", "RECORD", "BATCH", "KERNEL", "UNIFORM", "WALLS", "UNKNOWN", "DELTA")
+            for k in (
+                *("DIM", "RECORD", "BATCH", "KERNEL", "UNIFORM", "WALLS", "UNKNOWN"),
+                *("DELTA", "HEAD", "PARTED"),
+            )
         }
         self._pack_flux = bind(pack_flux, fields, DIM=dim, RECORD=o["RECORD"])
         form, exact = FORMS[self.scheme.momentum_flux], self.scheme.renormalise
         self._flux_rates = bind(flux_rates, fields, **same, FLUX=form, EXACT=exact)
         self._add_flux = bind(updates.kick, {**fields, "a": fields["flux"]}, DIM=dim, HELD=FREE)
-        self._filter = bind(filtered_density, fields, DIM=dim, KERNEL=o["KERNEL"])
+        head = {"HEAD": o["HEAD"]}
+        self._filter = bind(filtered_density, fields, DIM=dim, KERNEL=o["KERNEL"], **head)
 
     def step(self, step: int, dt: float) -> None:
         """Kick, drift, kick with two sweeps: fluxes half-way, forces at the end of the drift.

@@ -32,6 +32,7 @@ from particell.laws.continuity import (
     middle_of_pair,
 )
 from particell.laws.fluctuations import noise_amplitudes, pair_numbers
+from particell.laws.hydrostatics import rest_height, rest_pressure_at, rest_weight_at
 from particell.laws.pressure import pressure_acceleration
 from particell.laws.shifting import crowding
 from particell.laws.transport_velocity import switched_term
@@ -74,8 +75,24 @@ def batch_fields(
 
 
 @particle_loop
-def pack(i, x, v, volume, mass, pressure_term, density, record, *, DIM, RECORD, MATTER):
-    """Put what neighbours of i read into its record."""
+def pack(
+    i,
+    x,
+    v,
+    volume,
+    mass,
+    pressure_term,
+    density,
+    rest_axis,
+    rest_weight,
+    rest_pressure,
+    record,
+    *,
+    DIM,
+    RECORD,
+    MATTER,
+):
+    """Put what neighbours of i read into its record: P' for P, of :mod:`.laws.hydrostatics`."""
     at = i * RECORD
     for d in range(DIM):
         record[at + d] = x[i, d]
@@ -83,7 +100,9 @@ def pack(i, x, v, volume, mass, pressure_term, density, record, *, DIM, RECORD, 
     record[at + MATTER] = density[i]
     record[at + MATTER + 1] = volume[i]
     record[at + MATTER + 2] = mass[i]
-    record[at + MATTER + 3] = pressure_term[i]
+    height = rest_height(i, x, rest_axis, DIM)
+    rest = rest_pressure_at(height, rest_axis[DIM + 2], rest_weight, rest_pressure)
+    record[at + MATTER + 3] = pressure_term[i] - rest / (density[i] * density[i])
 
 
 @particle_loop(vectorise=True)
@@ -113,6 +132,9 @@ def rates(
     diffusion,
     thermal,
     gravity,
+    x,
+    rest_axis,
+    rest_weight,
     buoyancy,
     reference,
     sound_speed,
@@ -428,11 +450,13 @@ def rates(
         if DIM > 2:
             shift[i, 2] = sz
     if FORCE:
-        a[i, 0] = ax + gravity[0]
+        height = rest_height(i, x, rest_axis, DIM)
+        lift = rest_weight_at(height, rest_weight) * inverse_density
+        a[i, 0] = ax + gravity[0] - lift * rest_axis[0]
         if DIM > 1:
-            a[i, 1] = ay + gravity[1]
+            a[i, 1] = ay + gravity[1] - lift * rest_axis[1]
         if DIM > 2:
-            a[i, 2] = az + gravity[2]
+            a[i, 2] = az + gravity[2] - lift * rest_axis[2]
         if WALLS:
             held *= transverse[g]
             wall_friction[i, 0] = held + radial[g] * hxx

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,16 +24,24 @@ from particell.errors import InputError
 from particell.geometry.domain import Domain
 from particell.kernels import kernel_code, normalisation
 from particell.laws.diffusion import pair_slopes, slope_fields
+from particell.laws.shifting import FRICTION, SOUND
 from particell.laws.viscosity import friction_coefficients
 from particell.materials import BOLTZMANN, Fluid
 from particell.particles import Particles
 from particell.schemes import updates
+from particell.schemes.hydrostatics import RestPressure
 from particell.schemes.rates import MATTER, RECORD, batch_fields, pack, rates
 from particell.schemes.sweeps import summed_density, wall_pressure
 
 if TYPE_CHECKING:
     from particell.schemes.sdpd import SDPD
     from particell.schemes.transport_velocity import TransportVelocity
+
+
+def friction_time(material: Fluid) -> float:
+    """τ/h² of :mod:`particell.laws.shifting` in s/m² where friction limits it."""
+    largest = max(material.viscosity, material.bulk_viscosity)
+    return FRICTION * material.density / largest if largest else math.inf
 
 
 class SDPDSolver:
@@ -77,6 +86,7 @@ class SDPDSolver:
         gravity = np.zeros(dim) if scheme.gravity is None else np.array(scheme.gravity, dtype=float)
         if gravity.shape != (dim,):
             raise InputError("gravity", scheme.gravity, f"{dim} numbers")
+        self.rest = RestPressure(device, domain, particles, gravity)
         self.thermal = np.zeros(len(by_group))
         if scheme.fluctuations:
             for k, material in enumerate(by_group):
@@ -130,6 +140,11 @@ class SDPDSolver:
             "reference": array(np.array([m.density for m in by_group])),
             "sound_speed": array(sound_speeds),
             "exponent": array(np.array([m.exponent for m in by_group])),
+            "shift_pressure": array(
+                np.array([scheme.shifting * m.density * (m.sound_speed or 0.0) ** 2 for m in by_group])
+            ),
+            "shift_sound": array(SOUND / sound_speeds),
+            "shift_friction": array(np.array([friction_time(m) for m in by_group])),
             "background": array(np.array([m.background_pressure for m in by_group])),
         }
         kinds = zip(friction, self.thermal.tolist(), particles.groups, strict=True)
@@ -165,6 +180,7 @@ class SDPDSolver:
         if self.spreads:
             particles.add("velocity_spread", dim)
             self._spread_key = stream_key(seed, VELOCITY_SPREAD)
+        self.constants |= self.rest.fields
         self.constants |= batch_fields(
             device, self.n, dim, o["UNIFORM"], o["WALLS"], o["MIXED"], o["NOISE"], o["NORMAL"]
         )
@@ -178,9 +194,6 @@ class SDPDSolver:
         ):
             if name not in particles:
                 self.constants[name] = device.zeros(shape)
-        self.shift_pressure = scheme.shifting * max(
-            m.density * (m.sound_speed or 0.0) ** 2 for m in by_group
-        )
         self._bound: object = None
 
     @staticmethod
@@ -266,7 +279,12 @@ class SDPDSolver:
         """Density (if summed), pressure and acceleration of the initial state."""
         self.build_list()
         self._thermodynamics(0.0)
+        if not self.options["NOISE"]:
+            self.rest.tabulate()
         self.accelerate(step, dt)
+        if self.options["HEAD"] == 2 and not self.options["NOISE"]:
+            self.rest.tabulate()  # buoyancy is known now
+            self.accelerate(step, dt)
 
     def restore(self) -> None:
         """Go on from fields and a neighbour list that were put back."""
@@ -292,7 +310,7 @@ class SDPDSolver:
             self._take_spread(n)
         self.kick(n, 0.5 * dt)
         if self.shifting:
-            self.transport_velocity(n, self.shift_pressure, dt)
+            self.transport_velocity(n)
         self._renew_list(dt)
         if self.summation:
             self.drift(n, dt)

@@ -196,6 +196,8 @@ def flux_rates(
             to, of = c * fields, of + dims
             for d in range(DIM + 2):  # δv, ρ, V
                 flux_matter[to + np.uint64(d)] = flux_record[of + np.uint64(d)]
+            if PARTED and k < first_wall and equation[group[j]] != equation[g]:
+                flux_matter[to + dims] = density_i  # δv carries nothing across the jump
             if not UNIFORM:
                 h = 0.5 * (hi + support[j])
                 flux_support[c] = h
@@ -210,7 +212,7 @@ def flux_rates(
                             force += 0.5 * (buoyancy[i, d] + buoyancy[j, d])
                         density_j += weight * force * flux_near[at + np.uint64(d)]
                 if k >= first_wall or (PARTED and equation[group[j]] != equation[g]):
-                    density_j = density_i
+                    density_j = density_i  # walls take no part, and between fluids density jumps
                 flux_density[c] = density_j
             if WALLS:
                 grow, is_fluid = 1.0, 1.0

@@ -96,7 +96,7 @@ class TransportVelocitySolver(SDPDSolver):
         """
         n = self.n
         self.kick(n, 0.5 * dt)
-        self.transport_velocity(n, self.shift_pressure, dt)
+        self.transport_velocity(n)
         self._renew_list(dt)
         self.drift(n, 0.5 * dt)
         self.move_walls(0.5)

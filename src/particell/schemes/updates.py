@@ -37,14 +37,30 @@ def drift(i, slides, x, transport, dt, *, DIM):
 
 
 @particle_loop
-def transport_velocity(i, is_wall, v, shift, mass, support, pressure, dt, transport, *, DIM):
-    """v + δv, what moves particles (:mod:`particell.laws.shifting`), with P_s = ``pressure``."""
-    factor = 0.0 if is_wall[i] else 0.5 * dt * pressure / mass[i]
+def transport_velocity(
+    i,
+    is_wall,
+    group,
+    v,
+    shift,
+    mass,
+    support,
+    shift_pressure,
+    shift_sound,
+    shift_friction,
+    transport,
+    *,
+    DIM,
+):
+    """v + δv, what moves particles (:mod:`particell.laws.shifting`); tables are by group."""
+    h, g = support[i], group[i]
+    time = min(shift_sound[g] * h, shift_friction[g] * h * h)
+    factor = 0.0 if is_wall[i] else 0.5 * time * shift_pressure[g] / mass[i]
     square = 0.0
     for d in range(DIM):
         square += shift[i, d] * shift[i, d]
-    size = factor * math.sqrt(square) * dt
-    limit = LARGEST * support[i]
+    size = factor * math.sqrt(square) * time
+    limit = LARGEST * h
     if size > limit:
         factor *= limit / size
     for d in range(DIM):

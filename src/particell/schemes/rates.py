@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from particell.boundaries.wall_friction import slowed
 from particell.boundaries.wall import extrapolation, plane_extrapolation, surface_distance
 from particell.compute.batches import batch_buffer, batch_row, whole_lanes
 from particell.compute.device import Device
@@ -86,17 +87,38 @@ def pack(
     rest_axis,
     rest_weight,
     rest_pressure,
+    a,
+    wall_friction,
     record,
+    half_step,
+    lead,
     *,
     DIM,
     RECORD,
     MATTER,
+    LEAD,
+    HELD,
 ):
-    """Put what neighbours of i read into its record: P' for P, of :mod:`.laws.hydrostatics`."""
+    """Put what neighbours of i read into its record: P' for P, of :mod:`.laws.hydrostatics`.
+
+    With ``LEAD`` the velocity is that at the end of the half step in s which is yet to come, by the
+    acceleration at its beginning; ``lead`` is the part of that which is taken.
+    """
     at = i * RECORD
     for d in range(DIM):
         record[at + d] = x[i, d]
         record[at + DIM + d] = v[i, d]
+    if LEAD:
+        ay = a[i, 1] if DIM > 1 else 0.0
+        az = a[i, 2] if DIM > 2 else 0.0
+        ax, ay, az = a[i, 0], ay, az
+        if HELD:
+            ax, ay, az = slowed(i, wall_friction, half_step, ax, ay, az, DIM, HELD)
+        record[at + DIM] += lead * half_step * ax
+        if DIM > 1:
+            record[at + DIM + 1] += lead * half_step * ay
+        if DIM > 2:
+            record[at + DIM + 2] += lead * half_step * az
     record[at + MATTER] = density[i]
     record[at + MATTER + 1] = volume[i]
     record[at + MATTER + 2] = mass[i]
@@ -133,6 +155,7 @@ def rates(
     thermal,
     gravity,
     x,
+    v,
     rest_axis,
     rest_weight,
     buoyancy,
@@ -169,6 +192,7 @@ def rates(
     DELTA,
     HEAD,
     PARTED,
+    LEAD,
     NOISE,
     GAUSSIAN,
     WALLS,
@@ -301,6 +325,10 @@ def rates(
             if WALLS:
                 grow = 1.0
                 if k >= first_wall:
+                    if LEAD and FORCE:  # friction with walls is implicit, from v itself
+                        for d in range(DIM):
+                            ahead = record[own + np.uint64(DIM + d)] - v[i, d]
+                            near[at + np.uint64(DIM + d)] -= ahead
                     depth = wall_depth[j]
                     nx = wall_normal[j, 0]
                     ny = wall_normal[j, 1] if DIM > 1 else 0.0

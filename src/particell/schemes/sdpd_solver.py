@@ -29,8 +29,10 @@ from particell.laws.viscosity import friction_coefficients
 from particell.materials import BOLTZMANN, Fluid
 from particell.particles import Particles
 from particell.schemes import updates
+from particell.schemes.friction_limit import stiffest
 from particell.schemes.hydrostatics import RestPressure
 from particell.schemes.rates import MATTER, RECORD, batch_fields, pack, rates
+from particell.schemes.timestep import EXPLICIT
 from particell.schemes.sweeps import summed_density, wall_pressure
 
 if TYPE_CHECKING:
@@ -116,6 +118,7 @@ class SDPDSolver:
         particles.add("shift", dim if self.shifting else 1)
         if self.shifting:
             particles.add("transport", dim)
+            particles.add("shift_before", dim)
             self._parts = device.zeros((self.n, 1))
             self.volume_drift = 0.0  # what the volume would have changed by, were it not kept
             self._reduction = Reduction(device)
@@ -158,6 +161,7 @@ class SDPDSolver:
             "DELTA": scheme.delta > 0,
             "HEAD": 1 if np.any(gravity) else 0,  # 2 with forces besides
             "PARTED": len(set(equations)) > 1,
+            "LEAD": not (scheme.fluctuations or self.trapezoidal),
             "NOISE": scheme.fluctuations,
             "GAUSSIAN": scheme.noise == "gaussian",
             "WALLS": bool(neighbours.constants["WALLS"]),
@@ -194,7 +198,17 @@ class SDPDSolver:
         ):
             if name not in particles:
                 self.constants[name] = device.zeros(shape)
+        self._stiffness = self._largest_friction(by_group, friction)
         self._bound: object = None
+
+    def _largest_friction(
+        self, materials: list[Fluid], friction: list[tuple[float, float]]
+    ) -> float:
+        """λ_max of :mod:`particell.schemes.friction_limit` in 1/s, of the fluid held most."""
+        scheme, h = self.scheme, float(self.particles.host("support").min())
+        how = (scheme.kernel, scheme.support, self.dim, scheme.normalise_viscosity)
+        pairs = zip(materials, friction, strict=True)
+        return max(stiffest(f, friction, *how) / (m.density * h**2) for m, f in pairs)
 
     @staticmethod
     def friction(material: Fluid, dim: int) -> tuple[float, float]:
@@ -214,7 +228,6 @@ class SDPDSolver:
         fields.setdefault("transport", fields["v"])
         if self.shifting:
             fields["part"] = self._parts
-        without_pressure = {k: v for k, v in fields.items() if k != "pressure"}
         bind = self.device.bind
         dim, o = {"DIM": self.dim}, self.options
         if "buoyancy" in self.particles:
@@ -225,11 +238,11 @@ class SDPDSolver:
         if self.leapfrog:
             half = {**fields, "density": fields["density_half"]}
             quiet = {**o, "NOISE": False, "SHIFT": False, "MIXED": False, "RADIAL": False}
-            quiet |= {"SWITCH": 0, "NORMAL": False}
+            quiet |= {"SWITCH": 0, "NORMAL": False, "LEAD": False}
             self._density_rates = bind(rates, half, **quiet, DENSITY=True, FORCE=False)
-            self._pack_half = bind(pack, half, **record)
+            self._pack_half = bind(pack, half, **record, LEAD=False, HELD=FREE)
             self.predict_density = bind(updates.predict_density, fields)
-        self._pack = bind(pack, fields, **record)
+        self._pack = bind(pack, fields, **record, LEAD=o["LEAD"], HELD=self.held)
         self._forces = bind(rates, fields, **o, DENSITY=False, FORCE=True)
         self._all_rates = bind(rates, fields, **o, DENSITY=continuity, FORCE=True)
         self.sum_density = bind(summed_density, fields, **small)
@@ -251,7 +264,9 @@ class SDPDSolver:
         if self.shifting:
             self._volumes = bind(updates.fluid_volume, fields)
             self._scale = bind(updates.scale_density, fields)
-            self.transport_velocity = bind(updates.transport_velocity, without_pressure, **dim)
+            carries = {"FLUX": "flux" in self.particles}
+            fields.setdefault("flux", fields["v"])
+            self.transport_velocity = bind(updates.transport_velocity, fields, **dim, **carries)
         if self.trapezoidal:
             self.remember = bind(updates.remember, fields, **dim)
             self.predict = bind(updates.predict, fields, **dim, **held)
@@ -285,6 +300,8 @@ class SDPDSolver:
         if self.options["HEAD"] == 2 and not self.options["NOISE"]:
             self.rest.tabulate()  # buoyancy is known now
             self.accelerate(step, dt)
+        if self.shifting:
+            self.device.copy(self.particles["shift"], self.particles["shift_before"])
 
     def restore(self) -> None:
         """Go on from fields and a neighbour list that were put back."""
@@ -310,7 +327,7 @@ class SDPDSolver:
             self._take_spread(n)
         self.kick(n, 0.5 * dt)
         if self.shifting:
-            self.transport_velocity(n)
+            self.transport_velocity(n, dt)
         self._renew_list(dt)
         if self.summation:
             self.drift(n, dt)
@@ -321,7 +338,7 @@ class SDPDSolver:
             self.drift(n, 0.5 * dt)
             self.move_walls(0.5)
             self.predict_density(n, 0.5 * dt)
-            self.density_rates(step)
+            self.density_rates(step, dt)
             self.drift(n, 0.5 * dt)
             self.move_walls(1.0)
             self.after_drift()
@@ -382,26 +399,39 @@ class SDPDSolver:
             self.wall_pressure(self.n)
             self.after_wall_pressure()
 
-    def density_rates(self, step: int) -> None:
+    def density_rates(self, step: int, dt: float) -> None:
         """Density rate at the half step (velocity-Verlet)."""
         self.before_pairs()
-        self._pack_half(self.n)
+        self._pack_half(self.n, 0.0, 0.0)
         self._density_rates(self.n, step, 0.0)
 
     def accelerate(self, step: int, dt: float) -> None:
         """Acceleration; ``dt`` scales the noise."""
-        self._before_forces()
+        self._before_forces(dt)
         self._forces(self.n, step, 1.0 / dt)
         self.after_forces()
 
-    def _before_forces(self) -> None:
+    def _before_forces(self, dt: float) -> None:
         self.before_pairs()
         if self.options["NORMAL"]:
             self._kernel_sums(self.n)
-        self._pack(self.n)
+        self._pack(self.n, 0.5 * dt, self._lead(dt))
+
+    def _lead(self, dt: float) -> float:
+        """How far ahead the friction between fluid particles takes their velocities: 1 is exact.
+
+        In a step friction acts once, with the velocities at its end. These are v at the half step
+        and half a step of the acceleration before, which makes the step one of second order and
+        stable for λ dt < 1 (Adams and Bashforth's rule), λ being the largest eigenvalue of the
+        friction; with v alone it is of first order and stable for λ dt < 2. Of the acceleration as
+        much is taken as leaves λ dt (1 + lead) at what the automatic step allows.
+        """
+        if self._stiffness == 0.0:
+            return 1.0
+        return min(1.0, max(0.0, EXPLICIT / (dt * self._stiffness) - 1.0))
 
     def rates(self, step: int, dt: float) -> None:
         """Density rate (unless it is summed) and acceleration in one sweep."""
-        self._before_forces()
+        self._before_forces(dt)
         self._all_rates(self.n, step, 1.0 / dt)
         self.after_forces()

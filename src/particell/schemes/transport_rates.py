@@ -55,13 +55,20 @@ def flux_fields(
 
 
 @particle_loop
-def pack_flux(i, x, v, transport, volume, density_half, flux_record, *, DIM, RECORD):
-    """Put what neighbours of i read into its record; δv is the transport velocity less v."""
+def pack_flux(
+    i, x, v, flux, transport, volume, density_half, flux_record, half_step, *, DIM, RECORD
+):
+    """Put what neighbours of i read into its record; δv is the transport velocity less v.
+
+    v is taken to the middle of the step by half a step of the last flux, as in the transport
+    velocity.
+    """
     at = i * RECORD
     for d in range(DIM):
+        velocity = v[i, d] + half_step * flux[i, d]
         flux_record[at + d] = x[i, d]
-        flux_record[at + DIM + d] = v[i, d]
-        flux_record[at + 2 * DIM + d] = transport[i, d] - v[i, d]
+        flux_record[at + DIM + d] = velocity
+        flux_record[at + 2 * DIM + d] = transport[i, d] - velocity
     flux_record[at + 3 * DIM] = density_half[i]
     flux_record[at + 3 * DIM + 1] = volume[i]
 

@@ -96,12 +96,12 @@ class TransportVelocitySolver(SDPDSolver):
         """
         n = self.n
         self.kick(n, 0.5 * dt)
-        self.transport_velocity(n)
+        self.transport_velocity(n, dt)
         self._renew_list(dt)
         self.drift(n, 0.5 * dt)
         self.move_walls(0.5)
         self.predict_density(n, 0.5 * dt)
-        self.density_rates(step)
+        self.density_rates(step, dt)
         self.carry_species(step, dt)
         self.drift(n, 0.5 * dt)
         self.move_walls(1.0)
@@ -114,10 +114,10 @@ class TransportVelocitySolver(SDPDSolver):
         self.accelerate(step + 1, dt)
         self.kick(n, 0.5 * dt)
 
-    def density_rates(self, step: int) -> None:
+    def density_rates(self, step: int, dt: float) -> None:
         """Density rate and flux of momentum at the half step."""
         self.before_pairs()
-        self._pack_flux(self.n)
+        self._pack_flux(self.n, 0.5 * dt)
         self._flux_rates(self.n)
 
     def carry_species(self, step: int, dt: float) -> None:

@@ -98,7 +98,10 @@ class RestPressure:
 
         below = sums(volume)
         known = below > 1e-9 * below.max()
-        centre, mean = sums(volume * height)[known] / below[known], sums(weight)[known] / below[known]
+        centre, mean = (
+            sums(volume * height)[known] / below[known],
+            sums(weight)[known] / below[known],
+        )
         places = np.arange(self._places)
         table = np.interp(places, centre, mean)
         if len(centre) > 2:

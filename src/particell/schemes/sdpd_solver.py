@@ -128,7 +128,9 @@ class SDPDSolver:
         code = kernel_code(scheme.kernel)
         array = device.array
         key = stream_key(seed, PAIR_NOISE)
-        equations = [(m.density, m.sound_speed, m.exponent, m.background_pressure) for m in by_group]
+        equations = [
+            (m.density, m.sound_speed, m.exponent, m.background_pressure) for m in by_group
+        ]
         sound_speeds = np.array([m.sound_speed for m in by_group], dtype=float)
         self.constants = {
             "alpha": normalisation(code, dim),
@@ -144,7 +146,9 @@ class SDPDSolver:
             "sound_speed": array(sound_speeds),
             "exponent": array(np.array([m.exponent for m in by_group])),
             "shift_pressure": array(
-                np.array([scheme.shifting * m.density * (m.sound_speed or 0.0) ** 2 for m in by_group])
+                np.array(
+                    [scheme.shifting * m.density * (m.sound_speed or 0.0) ** 2 for m in by_group]
+                )
             ),
             "shift_sound": array(SOUND / sound_speeds),
             "shift_friction": array(np.array([friction_time(m) for m in by_group])),
@@ -315,7 +319,7 @@ class SDPDSolver:
             self._velocity_verlet(step, dt)
 
     def _velocity_verlet(self, step: int, dt: float) -> None:
-        """Kick, drift, kick; one force sweep a step, from the half-step velocity, not iterated.
+        """Kick, drift, kick; one force sweep a step, not iterated; friction as :meth:`_lead` says.
 
         The continuity equation is integrated by the midpoint rule, with positions and velocities
         at n + 1/2: that is the leapfrog of density and velocity, which neither damps nor feeds

@@ -90,9 +90,9 @@ class TransportVelocitySolver(SDPDSolver):
     def step(self, step: int, dt: float) -> None:
         """Kick, drift, kick with two sweeps: fluxes half-way, forces at the end of the drift.
 
-        δv is evaluated with the forces, where the step begins, and holds for the whole step: mass
-        and momentum cross between particles with the very δv that moves these, at x and v of the
-        half step.
+        δv is known with the forces, where the step begins; what it is in the middle of the step
+        holds for all of it. Mass and momentum cross between particles with the very δv that moves
+        these, at x and v of the half step, to which the last flux has brought v.
         """
         n = self.n
         self.kick(n, 0.5 * dt)

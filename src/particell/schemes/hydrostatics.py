@@ -23,8 +23,8 @@ FULL = 0.75
 LOOSE = 0.01
 #: Particles that are looked at in each layer.
 SAMPLE = 1000
-#: Places of the table, at most; otherwise one a spacing.
-MOST_PLACES = 4096
+#: Places of the table in a particle spacing, so that layers are told apart, and at most.
+PER_SPACING, MOST_PLACES = 4, 16384
 
 
 class RestPressure:
@@ -46,7 +46,7 @@ class RestPressure:
         x = particles.host("x").astype(float)
         spacing = float(particles.host("volume").min()) ** (1 / domain.dim)
         across = float(np.linalg.norm(np.ptp(x, axis=0)))
-        self._places = int(min(across / spacing, MOST_PLACES)) + 3
+        self._places = int(min(PER_SPACING * across / spacing, MOST_PLACES)) + 3
         self._enclosed: bool | None = None
         self.fields: dict[str, Any] = {
             "rest_axis": device.array(np.zeros(domain.dim + 3)),

@@ -19,8 +19,8 @@ from typing import Any
 
 import numpy as np
 
-from particell.boundaries.wall_friction import slowed
 from particell.boundaries.wall import extrapolation, plane_extrapolation, surface_distance
+from particell.boundaries.wall_friction import slowed
 from particell.compute.batches import batch_buffer, batch_row, whole_lanes
 from particell.compute.device import Device
 from particell.compute.loop import particle_loop
@@ -206,7 +206,9 @@ def rates(
     ``shift`` receives the sum of :mod:`particell.laws.shifting` (with the forces).
     ``transverse``, ``radial`` and ``thermal`` (k_B T) are tables by group; ``diffusion`` is
     2 δ c₀ by group, ``equation`` the number of its equation of state; with ``HEAD`` the part of a
-    fluid at rest is taken from density differences, with that of ``buoyancy`` where it is 2. ``inverse_dt`` is 1/dt, by which the squared noise grows. The arrays
+    fluid at rest is taken from density differences, with that of ``buoyancy`` where it is 2.
+    ``inverse_dt`` is 1/dt, by which the squared noise grows. With ``LEAD`` the record's velocity is
+    ahead of v (:func:`pack`). The arrays
     ``near…`` are the batch: differences of position and velocity, the neighbour's ρ, V, m, P/ρ²,
     the factor of a wall's difference of velocity, the pair's support, its friction coefficients
     and k_B T where they differ, the neighbour's id, the pair's mean kernel sum. With ``NORMAL``

@@ -32,8 +32,8 @@ from particell.schemes import updates
 from particell.schemes.friction_limit import stiffest
 from particell.schemes.hydrostatics import RestPressure
 from particell.schemes.rates import MATTER, RECORD, batch_fields, pack, rates
-from particell.schemes.timestep import EXPLICIT
 from particell.schemes.sweeps import summed_density, wall_pressure
+from particell.schemes.timestep import EXPLICIT
 
 if TYPE_CHECKING:
     from particell.schemes.sdpd import SDPD

@@ -372,8 +372,8 @@ def filtered_density(
 
     Masses of neighbours are taken at the height of i: what their density differs by in a fluid at
     rest (:mod:`particell.laws.continuity`) is no noise, and beside walls, where neighbours are on
-    one side, it would be smoothed away. A uniform density stays uniform. It is written to ``density_half``, since neighbours still read
-    the old one.
+    one side, it would be smoothed away. A uniform density stays uniform. It is written to
+    ``density_half``, since neighbours still read the old one.
     """
     density_half[i] = density[i]
     if is_wall[i]:

@@ -85,6 +85,20 @@ def pressure_of(density, reference, sound_speed, exponent, background):
 
 
 @njit
+def compressibility(density, reference, sound_speed, exponent):
+    """(1/ρ) dρ/dP of the equation of state above, in 1/Pa."""
+    ratio = density / reference
+    if exponent == 1.0:
+        power = 1.0
+    elif exponent == 7.0:
+        power = ratio * ratio * ratio
+        power *= power
+    else:
+        power = ratio ** (exponent - 1.0)
+    return 1.0 / (density * sound_speed * sound_speed * power)
+
+
+@njit
 def density_of(pressure, reference, sound_speed, exponent, background):
     """ρ(P), the inverse of :func:`pressure_of`, in kg/m³ (at least a tenth of the reference)."""
     stiffness = reference * sound_speed * sound_speed / exponent

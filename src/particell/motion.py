@@ -235,6 +235,8 @@ class Forces:
                 raise InputError("species", force.species, "one without switch_above, in a force")
             if len(force.gravity) != dim:
                 raise InputError("gravity", force.gravity, f"{dim} numbers")
+        if self.forces:
+            simulation.particles.add("buoyancy", dim)
         self._bound: object = None
 
     def apply(self) -> None:
@@ -260,9 +262,9 @@ class Forces:
         kernel = kernel_code(simulation.scheme.kernel)
         self._additions: list[Callable[..., None]] = []
         self._heads: list[Callable[..., None]] = []
-        for force in self.forces:
+        for k, force in enumerate(self.forces):
             values = self._values(force)
-            self._additions.append(bind(add_buoyancy, values, DIM=dim))
+            self._additions.append(bind(add_buoyancy, values, DIM=dim, FIRST=k == 0))
             self._heads.append(bind(add_wall_head, values, DIM=dim, KERNEL=kernel))
 
     def _values(self, force: Buoyancy) -> dict[str, Any]:

@@ -36,6 +36,7 @@ def state_of(simulation: Simulation) -> dict[str, Any]:
         "first_momentum": s._first_momentum,
         "first_totals": dict(s._first_totals),
         "volume_drift": getattr(s.solver, "volume_drift", None),
+        "rest": s.solver.rest.state() if hasattr(s.solver, "rest") else None,
         "events": chemistry.events if chemistry else 0,
         "jumps": chemistry.jumps if chemistry else 0,
         "pace": chemistry.pace if chemistry else math.inf,
@@ -92,6 +93,8 @@ def restore(simulation: Simulation, state: dict[str, Any]) -> None:
         s.carriage.crossings = state.get("crossings") or (0.0, 0.0)
     if state["volume_drift"] is not None:
         s.solver.volume_drift = state["volume_drift"]  # type: ignore[union-attr]
+    if state.get("rest") is not None:
+        s.solver.rest.put(state["rest"])  # type: ignore[union-attr]
     s.solver.restore()
     s.constraints.restored()
     s.resumed, s.resumed_plan = True, state.get("plan")

@@ -41,7 +41,7 @@ def test_divergence_of_a_linear_field(dim):
     simulation = Simulation(domain, phase, SDPD(density_diffusion=0.0))
     simulation.start()
     simulation.solver.predict_density(len(simulation.particles), 0.0)
-    simulation.solver.density_rates(0)
+    simulation.solver.density_rates(0, 0.0)
     p = simulation.particles
     centre = np.linalg.norm(p.host("x") - 3.5, axis=1) < 0.1
     offsets, weight = lattice_offsets(dim, 3.0)

@@ -50,7 +50,7 @@ def fluxes(simulation, shift):
     p, solver = simulation.particles, simulation.solver
     p.set("transport", p.host("v") + shift)
     solver.predict_density(len(p), 0.0)
-    solver.density_rates(0)
+    solver.density_rates(0, 0.0)
     return p.host("density_rate").copy(), p.host("flux").copy()
 
 

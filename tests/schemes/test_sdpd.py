@@ -1,4 +1,4 @@
-"""The integrators: order in time, sound, and what a scheme refuses."""
+"""The integrator's sound, and what a scheme refuses."""
 
 from __future__ import annotations
 
@@ -9,40 +9,6 @@ from particell.errors import InputError
 from particell.schemes.sdpd import SDPD
 from particell.schemes.static import Static
 from systems import periodic_lattice, unit_fluid
-
-
-def final_state(steps, viscosity, integrator="velocity-verlet"):
-    wave = 2 * np.pi / 8
-    simulation = periodic_lattice(
-        8,
-        2,
-        unit_fluid(viscosity=viscosity, sound_speed=3.0),
-        jitter=0.1,
-        velocity=lambda x: 0.1 * np.sin(wave * (x[:, ::-1] + 0.3 * x)),
-        dt=2.0 / steps,
-        integrator=integrator,
-    )
-    simulation.advance(steps)
-    p = simulation.particles
-    return np.concatenate([p.by_id("x").ravel(), p.by_id("v").ravel(), p.by_id("density")])
-
-
-def order(viscosity, integrator="velocity-verlet"):
-    coarse, middle, fine = (final_state(n, viscosity, integrator) for n in (40, 80, 160))
-    return np.log2(np.linalg.norm(coarse - middle) / np.linalg.norm(middle - fine))
-
-
-def test_velocity_verlet_is_second_order_without_viscosity():
-    assert order(0.0) > 1.8
-
-
-def test_velocity_verlet_is_convergent_with_viscosity():
-    """The friction is taken at the half-step velocity, which lags: first order, not less."""
-    assert order(0.3) > 0.9
-
-
-def test_trapezoidal_rule_is_second_order():
-    assert order(0.3, "trapezoidal") > 1.8
 
 
 def test_sound_neither_decays_nor_grows_and_has_the_right_frequency():

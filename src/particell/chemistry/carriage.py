@@ -74,7 +74,7 @@ class Carriage:
             self._rows = rows
             self._bind(len(rows))
         n = len(self.simulation.particles)
-        self._pair_shifts(n)
+        self._pair_shifts(n, 0.5 * dt)
         for kind in self._kinds:
             kind.apply(n, step, dt)
 

@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import ast
 import functools
+import hashlib
 import inspect
 import textwrap
 import time
@@ -41,6 +42,8 @@ from particell.compute.threads import Shared
 #: slower than scalar loads on processors with the mitigations of recent years.
 FASTMATH = {"contract", "arcp", "nsz"}
 THREADS_PER_BLOCK = 128
+#: Characters that constants may take in the name of a loop; file systems allow 255 in all.
+LONGEST_TAG = 120
 
 
 class CompileLog:
@@ -168,6 +171,8 @@ def _define(
     made = scope[loop.__name__]
     shown = {k: getattr(v, "disk_key", "") if callable(v) else v for k, v in constants.items()}
     tag = "_".join(f"{k}{v}" for k, v in sorted(shown.items()) if v != "")
+    if len(tag) > LONGEST_TAG:  # cached machine code is filed under the name
+        tag = hashlib.blake2b(tag.encode(), digest_size=16).hexdigest()
     made.__qualname__ = f"{loop.__name__}_{tag}".replace(".", "p").replace("-", "m")
     made.__module__ = loop.body.__module__
     return made

@@ -49,13 +49,20 @@ class Buoyancy:
 
 
 @particle_loop
-def add_buoyancy(i, is_wall, content, s, scale, volume, reference, strength, a, *, DIM):
-    """a_i += strength (C_i − C_ref), C_i = scale content[i, s]/V_i; ``strength`` is −gβ."""
+def add_buoyancy(
+    i, is_wall, content, s, scale, volume, reference, strength, a, buoyancy, *, DIM, FIRST
+):
+    """a_i += strength (C_i − C_ref), C_i = scale content[i, s]/V_i; ``strength`` is −gβ.
+
+    The sum of all such forces, of which this may be the ``FIRST``, is kept in ``buoyancy``.
+    """
     if is_wall[i]:
         return
     excess = scale * content[i, s] / volume[i] - reference
     for d in range(DIM):
-        a[i, d] += strength[d] * excess
+        force = strength[d] * excess
+        a[i, d] += force
+        buoyancy[i, d] = force if FIRST else buoyancy[i, d] + force
 
 
 @particle_loop

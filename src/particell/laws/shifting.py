@@ -1,11 +1,16 @@
 r"""Particle shifting: a small velocity away from where neighbours crowd.
 
-.. math:: \delta v_i = \frac{\Delta t}{2}\,\frac{P_s}{m_i}\sum_j (V_i^2 + V_j^2)\,F_{ij}\,x_{ij}
+.. math::
+
+   \delta v_i = \frac{\tau_i}{2}\,\frac{P_s}{m_i}\sum_j (V_i^2 + V_j^2)\,F_{ij}\,x_{ij},
+   \qquad \tau_i = \min\left(\frac{h_i}{4c_0},\ \frac{h_i^2\rho_0}{20\,\eta}\right)
 
 Particles are moved by v + δv but carry the momentum v: they stay evenly spread where streamlines
 would pull them apart, as behind a body, without the disorder that a background pressure in the
-momentum equation causes. P_s is of the order of ρ₀c₀². The sum is that of the transport velocity
-of Adami, Hu & Adams, J. Comput. Phys. 241 (2013) 292, Eq. 13.
+momentum equation causes. P_s is of the order of ρ₀c₀² of the particle's own material. The sum is
+that of the transport velocity of Adami, Hu & Adams, J. Comput. Phys. 241 (2013) 292, Eq. 13. In
+place of their time step is τ, the step that sound and friction of the bulk allow: δv is then a
+velocity that belongs to the fluid and its resolution, and the same whatever step a run takes.
 
 The fluxes of mass, momentum and species relative to the particles, of order δv, are left out. The
 continuity equation therefore sees that particles crowd, but not that δv undoes it, and densities
@@ -19,8 +24,10 @@ from __future__ import annotations
 
 from numba import njit
 
-#: Largest displacement by shifting in one step, in supports.
+#: Largest displacement by shifting in the time τ, in supports.
 LARGEST = 0.01
+#: τ in h/c₀ and in h²ρ/η.
+SOUND, FRICTION = 0.25, 0.05
 
 
 @njit

@@ -62,6 +62,7 @@ def pair_shifts(
     i,
     x,
     v,
+    flux,
     transport,
     volume,
     support,
@@ -74,11 +75,15 @@ def pair_shifts(
     alpha,
     own_shift,
     its_shift,
+    half_step,
     *,
     DIM,
     KERNEL,
 ):
-    """V_i V_j F_ij δv·x_ij along row i, with δv of particle i and of its neighbour."""
+    """V_i V_j F_ij δv·x_ij along row i, with δv of particle i and of its neighbour.
+
+    δv is what the transport velocity has besides v and half a step of the momentum's flux.
+    """
     wraps = crosses[i] != 0
     for k in range(start[i], split[i]):
         j = neighbours[k]
@@ -86,8 +91,8 @@ def pair_shifts(
         for d in range(DIM):
             offset = image_offset(x, i, j, d, wraps, period, inverse_period)
             r2 += offset * offset
-            own += (transport[i, d] - v[i, d]) * offset
-            its += (transport[j, d] - v[j, d]) * offset
+            own += (transport[i, d] - v[i, d] - half_step * flux[i, d]) * offset
+            its += (transport[j, d] - v[j, d] - half_step * flux[j, d]) * offset
         inverse = 2.0 / (support[i] + support[j])
         f = alpha * power(inverse, DIM) * inverse * inverse
         f *= shape_f(math.sqrt(r2) * inverse, KERNEL)

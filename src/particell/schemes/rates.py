@@ -20,13 +20,20 @@ from typing import Any
 import numpy as np
 
 from particell.boundaries.wall import extrapolation, plane_extrapolation, surface_distance
+from particell.boundaries.wall_friction import slowed
 from particell.compute.batches import batch_buffer, batch_row, whole_lanes
 from particell.compute.device import Device
 from particell.compute.loop import particle_loop
 from particell.compute.rounding import nearest_whole
 from particell.kernels import power, shape_f
-from particell.laws.continuity import density_diffusion, divergence
+from particell.laws.continuity import (
+    density_diffusion,
+    density_per_head,
+    divergence,
+    middle_of_pair,
+)
 from particell.laws.fluctuations import noise_amplitudes, pair_numbers
+from particell.laws.hydrostatics import rest_height, rest_pressure_at, rest_weight_at
 from particell.laws.pressure import pressure_acceleration
 from particell.laws.shifting import crowding
 from particell.laws.transport_velocity import switched_term
@@ -69,16 +76,55 @@ def batch_fields(
 
 
 @particle_loop
-def pack(i, x, v, volume, mass, pressure_term, density, record, *, DIM, RECORD, MATTER):
-    """Put what neighbours of i read into its record."""
+def pack(
+    i,
+    x,
+    v,
+    volume,
+    mass,
+    pressure_term,
+    density,
+    rest_axis,
+    rest_weight,
+    rest_pressure,
+    a,
+    wall_friction,
+    record,
+    half_step,
+    lead,
+    *,
+    DIM,
+    RECORD,
+    MATTER,
+    LEAD,
+    HELD,
+):
+    """Put what neighbours of i read into its record: P' for P, of :mod:`.laws.hydrostatics`.
+
+    With ``LEAD`` the velocity is that at the end of the half step in s which is yet to come, by the
+    acceleration at its beginning; ``lead`` is the part of that which is taken.
+    """
     at = i * RECORD
     for d in range(DIM):
         record[at + d] = x[i, d]
         record[at + DIM + d] = v[i, d]
+    if LEAD:
+        ay = a[i, 1] if DIM > 1 else 0.0
+        az = a[i, 2] if DIM > 2 else 0.0
+        ax, ay, az = a[i, 0], ay, az
+        if HELD:
+            ax, ay, az = slowed(i, wall_friction, half_step, ax, ay, az, DIM, HELD)
+        record[at + DIM] += lead * half_step * ax
+        if DIM > 1:
+            record[at + DIM + 1] += lead * half_step * ay
+        if DIM > 2:
+            record[at + DIM + 2] += lead * half_step * az
     record[at + MATTER] = density[i]
     record[at + MATTER + 1] = volume[i]
     record[at + MATTER + 2] = mass[i]
-    record[at + MATTER + 3] = pressure_term[i]
+    height = rest_height(i, x, rest_axis, DIM)
+    rest = rest_pressure_at(height, rest_axis[DIM + 2], rest_weight, rest_pressure)
+    record[at + MATTER + 3] = pressure_term[i] - rest / (density[i] * density[i])
 
 
 @particle_loop(vectorise=True)
@@ -108,6 +154,15 @@ def rates(
     diffusion,
     thermal,
     gravity,
+    x,
+    v,
+    rest_axis,
+    rest_weight,
+    buoyancy,
+    reference,
+    sound_speed,
+    exponent,
+    equation,
     near,
     near_matter,
     near_wall,
@@ -135,6 +190,9 @@ def rates(
     FORCE,
     RADIAL,
     DELTA,
+    HEAD,
+    PARTED,
+    LEAD,
     NOISE,
     GAUSSIAN,
     WALLS,
@@ -147,7 +205,10 @@ def rates(
 
     ``shift`` receives the sum of :mod:`particell.laws.shifting` (with the forces).
     ``transverse``, ``radial`` and ``thermal`` (k_B T) are tables by group; ``diffusion`` is
-    2 δ h c₀ by group. ``inverse_dt`` is 1/dt, by which the squared noise grows. The arrays
+    2 δ c₀ by group, ``equation`` the number of its equation of state; with ``HEAD`` the part of a
+    fluid at rest is taken from density differences, with that of ``buoyancy`` where it is 2.
+    ``inverse_dt`` is 1/dt, by which the squared noise grows. With ``LEAD`` the record's velocity is
+    ahead of v (:func:`pack`). The arrays
     ``near…`` are the batch: differences of position and velocity, the neighbour's ρ, V, m, P/ρ²,
     the factor of a wall's difference of velocity, the pair's support, its friction coefficients
     and k_B T where they differ, the neighbour's id, the pair's mean kernel sum. With ``NORMAL``
@@ -183,6 +244,9 @@ def rates(
     transverse_ij = transverse[g]
     radial_ij = radial[g]
     strength = 2.0 * thermal[g] * inverse_dt
+    per_head = 0.0
+    if DELTA and DENSITY and HEAD:
+        per_head = density_per_head(density_i, reference[g], sound_speed[g], exponent[g])
     id_i = id[i]
     ax, ay, az = 0.0, 0.0, 0.0
     expansion, spread = 0.0, 0.0
@@ -238,7 +302,15 @@ def rates(
                 near[at + np.uint64(5)] = dw
             to = c * fields
             if DELTA and DENSITY:
-                near_matter[to] = record[other + np.uint64(MATTER)]
+                density_j = record[other + np.uint64(MATTER)]
+                if HEAD:  # less what it differs by in a fluid at rest
+                    weight = middle_of_pair(per_head, density_i, density_j, exponent[g])
+                    for d in range(DIM):
+                        force = gravity[d]
+                        if HEAD == 2:
+                            force += 0.5 * (buoyancy[i, d] + buoyancy[j, d])
+                        density_j += weight * force * near[at + np.uint64(d)]
+                near_matter[to] = density_j
             near_matter[to + v_at] = record[other + np.uint64(MATTER + 1)]
             if FORCE:
                 near_matter[to + v_at + np.uint64(1)] = record[other + np.uint64(MATTER + 2)]
@@ -250,9 +322,15 @@ def rates(
                 near_support[c] = h
                 reach2 = h * h
             gj = group[j]
+            if PARTED and DELTA and DENSITY and equation[gj] != equation[g]:
+                near_matter[to] = density_i  # between two fluids density jumps
             if WALLS:
                 grow = 1.0
                 if k >= first_wall:
+                    if LEAD and FORCE:  # friction with walls is implicit, from v itself
+                        for d in range(DIM):
+                            ahead = record[own + np.uint64(DIM + d)] - v[i, d]
+                            near[at + np.uint64(DIM + d)] -= ahead
                     depth = wall_depth[j]
                     nx = wall_normal[j, 0]
                     ny = wall_normal[j, 1] if DIM > 1 else 0.0
@@ -327,8 +405,8 @@ def rates(
             if DENSITY:
                 expansion += divergence(weight, vx)
                 if DELTA:
-                    density_j = near_matter[to]
-                    spread += density_diffusion(weight, density_i, density_j)
+                    part = density_diffusion(weight, density_i, near_matter[to])
+                    spread += part if UNIFORM else near_support[q] * part
             if FORCE:
                 mass_j = near_matter[to + v_at + np.uint64(1)]
                 term_j = near_matter[to + v_at + np.uint64(2)]
@@ -392,6 +470,8 @@ def rates(
                     hzz += hold * dz * dz
         begin = end
     if DENSITY:
+        if UNIFORM:
+            spread *= hi
         density_rate[i] = -density_i * expansion + diffusion[g] * spread
     if SHIFT:
         shift[i, 0] = sx
@@ -400,11 +480,13 @@ def rates(
         if DIM > 2:
             shift[i, 2] = sz
     if FORCE:
-        a[i, 0] = ax + gravity[0]
+        height = rest_height(i, x, rest_axis, DIM)
+        lift = rest_weight_at(height, rest_weight) * inverse_density
+        a[i, 0] = ax + gravity[0] - lift * rest_axis[0]
         if DIM > 1:
-            a[i, 1] = ay + gravity[1]
+            a[i, 1] = ay + gravity[1] - lift * rest_axis[1]
         if DIM > 2:
-            a[i, 2] = az + gravity[2]
+            a[i, 2] = az + gravity[2] - lift * rest_axis[2]
         if WALLS:
             held *= transverse[g]
             wall_friction[i, 0] = held + radial[g] * hxx

@@ -44,7 +44,9 @@ class SDPD:
     density
         ``"continuity"``: integrated; ``"summation"``: Σ m W, the one to use with noise.
     integrator
-        ``"velocity-verlet"`` (default) or ``"trapezoidal"``.
+        ``"velocity-verlet"`` (default): one force sweep a step, of second order in the step (of
+        first in the friction where that limits the step, and with noise); or ``"trapezoidal"``:
+        two force sweeps, of second order.
     fluctuations
         Thermal noise that balances the viscosity; the fluid needs a temperature.
     noise

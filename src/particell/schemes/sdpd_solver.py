@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,16 +24,26 @@ from particell.errors import InputError
 from particell.geometry.domain import Domain
 from particell.kernels import kernel_code, normalisation
 from particell.laws.diffusion import pair_slopes, slope_fields
+from particell.laws.shifting import FRICTION, SOUND
 from particell.laws.viscosity import friction_coefficients
 from particell.materials import BOLTZMANN, Fluid
 from particell.particles import Particles
 from particell.schemes import updates
+from particell.schemes.friction_limit import stiffest
+from particell.schemes.hydrostatics import RestPressure
 from particell.schemes.rates import MATTER, RECORD, batch_fields, pack, rates
 from particell.schemes.sweeps import summed_density, wall_pressure
+from particell.schemes.timestep import EXPLICIT
 
 if TYPE_CHECKING:
     from particell.schemes.sdpd import SDPD
     from particell.schemes.transport_velocity import TransportVelocity
+
+
+def friction_time(material: Fluid) -> float:
+    """τ/h² of :mod:`particell.laws.shifting` in s/m² where friction limits it."""
+    largest = max(material.viscosity, material.bulk_viscosity)
+    return FRICTION * material.density / largest if largest else math.inf
 
 
 class SDPDSolver:
@@ -74,11 +85,10 @@ class SDPDSolver:
         dim = self.dim
         by_group = [materials[g.material] for g in particles.groups]
         friction = [self.friction(m, dim) for m in by_group]
-        support = particles.host("support")
-        h = float(support.max())
         gravity = np.zeros(dim) if scheme.gravity is None else np.array(scheme.gravity, dtype=float)
         if gravity.shape != (dim,):
             raise InputError("gravity", scheme.gravity, f"{dim} numbers")
+        self.rest = RestPressure(device, domain, particles, gravity)
         self.thermal = np.zeros(len(by_group))
         if scheme.fluctuations:
             for k, material in enumerate(by_group):
@@ -108,6 +118,7 @@ class SDPDSolver:
         particles.add("shift", dim if self.shifting else 1)
         if self.shifting:
             particles.add("transport", dim)
+            particles.add("shift_before", dim)
             self._parts = device.zeros((self.n, 1))
             self.volume_drift = 0.0  # what the volume would have changed by, were it not kept
             self._reduction = Reduction(device)
@@ -117,12 +128,16 @@ class SDPDSolver:
         code = kernel_code(scheme.kernel)
         array = device.array
         key = stream_key(seed, PAIR_NOISE)
+        equations = [
+            (m.density, m.sound_speed, m.exponent, m.background_pressure) for m in by_group
+        ]
         sound_speeds = np.array([m.sound_speed for m in by_group], dtype=float)
         self.constants = {
             "alpha": normalisation(code, dim),
             "transverse": array(np.array([f[0] for f in friction])),
             "radial": array(np.array([f[1] for f in friction])),
-            "diffusion": array(2 * scheme.delta * h * sound_speeds),
+            "diffusion": array(2 * scheme.delta * sound_speeds),
+            "equation": array(np.array([equations.index(e) for e in equations])),
             "thermal": array(self.thermal),
             "gravity": array(gravity),
             "key0": key[0],
@@ -130,6 +145,13 @@ class SDPDSolver:
             "reference": array(np.array([m.density for m in by_group])),
             "sound_speed": array(sound_speeds),
             "exponent": array(np.array([m.exponent for m in by_group])),
+            "shift_pressure": array(
+                np.array(
+                    [scheme.shifting * m.density * (m.sound_speed or 0.0) ** 2 for m in by_group]
+                )
+            ),
+            "shift_sound": array(SOUND / sound_speeds),
+            "shift_friction": array(np.array([friction_time(m) for m in by_group])),
             "background": array(np.array([m.background_pressure for m in by_group])),
         }
         kinds = zip(friction, self.thermal.tolist(), particles.groups, strict=True)
@@ -141,6 +163,9 @@ class SDPDSolver:
             "MIXED": len(pairings) > 1,
             "RADIAL": any(f[1] != 0 for f in friction),
             "DELTA": scheme.delta > 0,
+            "HEAD": 1 if np.any(gravity) else 0,  # 2 with forces besides
+            "PARTED": len(set(equations)) > 1,
+            "LEAD": not (scheme.fluctuations or self.trapezoidal),
             "NOISE": scheme.fluctuations,
             "GAUSSIAN": scheme.noise == "gaussian",
             "WALLS": bool(neighbours.constants["WALLS"]),
@@ -163,6 +188,7 @@ class SDPDSolver:
         if self.spreads:
             particles.add("velocity_spread", dim)
             self._spread_key = stream_key(seed, VELOCITY_SPREAD)
+        self.constants |= self.rest.fields
         self.constants |= batch_fields(
             device, self.n, dim, o["UNIFORM"], o["WALLS"], o["MIXED"], o["NOISE"], o["NORMAL"]
         )
@@ -172,13 +198,21 @@ class SDPDSolver:
             ("wall_direction", (1, dim)),
             ("wall_distance", 1),
             ("wall_acceleration", (1, dim)),
+            ("buoyancy", (1, dim)),
         ):
             if name not in particles:
                 self.constants[name] = device.zeros(shape)
-        self.shift_pressure = scheme.shifting * max(
-            m.density * (m.sound_speed or 0.0) ** 2 for m in by_group
-        )
+        self._stiffness = self._largest_friction(by_group, friction)
         self._bound: object = None
+
+    def _largest_friction(
+        self, materials: list[Fluid], friction: list[tuple[float, float]]
+    ) -> float:
+        """λ_max of :mod:`particell.schemes.friction_limit` in 1/s, of the fluid held most."""
+        scheme, h = self.scheme, float(self.particles.host("support").min())
+        how = (scheme.kernel, scheme.support, self.dim, scheme.normalise_viscosity)
+        pairs = zip(materials, friction, strict=True)
+        return max(stiffest(f, friction, *how) / (m.density * h**2) for m, f in pairs)
 
     @staticmethod
     def friction(material: Fluid, dim: int) -> tuple[float, float]:
@@ -198,20 +232,21 @@ class SDPDSolver:
         fields.setdefault("transport", fields["v"])
         if self.shifting:
             fields["part"] = self._parts
-        without_pressure = {k: v for k, v in fields.items() if k != "pressure"}
         bind = self.device.bind
         dim, o = {"DIM": self.dim}, self.options
+        if "buoyancy" in self.particles:
+            o["HEAD"] = 2
         record = {k: o[k] for k in ("DIM", "RECORD", "MATTER")}
         small = {k: o[k] for k in ("DIM", "KERNEL", "UNIFORM")}
         continuity = not self.summation
         if self.leapfrog:
             half = {**fields, "density": fields["density_half"]}
             quiet = {**o, "NOISE": False, "SHIFT": False, "MIXED": False, "RADIAL": False}
-            quiet |= {"SWITCH": 0, "NORMAL": False}
+            quiet |= {"SWITCH": 0, "NORMAL": False, "LEAD": False}
             self._density_rates = bind(rates, half, **quiet, DENSITY=True, FORCE=False)
-            self._pack_half = bind(pack, half, **record)
+            self._pack_half = bind(pack, half, **record, LEAD=False, HELD=FREE)
             self.predict_density = bind(updates.predict_density, fields)
-        self._pack = bind(pack, fields, **record)
+        self._pack = bind(pack, fields, **record, LEAD=o["LEAD"], HELD=self.held)
         self._forces = bind(rates, fields, **o, DENSITY=False, FORCE=True)
         self._all_rates = bind(rates, fields, **o, DENSITY=continuity, FORCE=True)
         self.sum_density = bind(summed_density, fields, **small)
@@ -233,7 +268,9 @@ class SDPDSolver:
         if self.shifting:
             self._volumes = bind(updates.fluid_volume, fields)
             self._scale = bind(updates.scale_density, fields)
-            self.transport_velocity = bind(updates.transport_velocity, without_pressure, **dim)
+            carries = {"FLUX": "flux" in self.particles}
+            fields.setdefault("flux", fields["v"])
+            self.transport_velocity = bind(updates.transport_velocity, fields, **dim, **carries)
         if self.trapezoidal:
             self.remember = bind(updates.remember, fields, **dim)
             self.predict = bind(updates.predict, fields, **dim, **held)
@@ -261,7 +298,14 @@ class SDPDSolver:
         """Density (if summed), pressure and acceleration of the initial state."""
         self.build_list()
         self._thermodynamics(0.0)
+        if not self.options["NOISE"]:
+            self.rest.tabulate()
         self.accelerate(step, dt)
+        if self.options["HEAD"] == 2 and not self.options["NOISE"]:
+            self.rest.tabulate()  # buoyancy is known now
+            self.accelerate(step, dt)
+        if self.shifting:
+            self.device.copy(self.particles["shift"], self.particles["shift_before"])
 
     def restore(self) -> None:
         """Go on from fields and a neighbour list that were put back."""
@@ -275,7 +319,7 @@ class SDPDSolver:
             self._velocity_verlet(step, dt)
 
     def _velocity_verlet(self, step: int, dt: float) -> None:
-        """Kick, drift, kick; one force sweep a step, from the half-step velocity, not iterated.
+        """Kick, drift, kick; one force sweep a step, not iterated; friction as :meth:`_lead` says.
 
         The continuity equation is integrated by the midpoint rule, with positions and velocities
         at n + 1/2: that is the leapfrog of density and velocity, which neither damps nor feeds
@@ -287,7 +331,7 @@ class SDPDSolver:
             self._take_spread(n)
         self.kick(n, 0.5 * dt)
         if self.shifting:
-            self.transport_velocity(n, self.shift_pressure, dt)
+            self.transport_velocity(n, dt)
         self._renew_list(dt)
         if self.summation:
             self.drift(n, dt)
@@ -298,7 +342,7 @@ class SDPDSolver:
             self.drift(n, 0.5 * dt)
             self.move_walls(0.5)
             self.predict_density(n, 0.5 * dt)
-            self.density_rates(step)
+            self.density_rates(step, dt)
             self.drift(n, 0.5 * dt)
             self.move_walls(1.0)
             self.after_drift()
@@ -359,26 +403,39 @@ class SDPDSolver:
             self.wall_pressure(self.n)
             self.after_wall_pressure()
 
-    def density_rates(self, step: int) -> None:
+    def density_rates(self, step: int, dt: float) -> None:
         """Density rate at the half step (velocity-Verlet)."""
         self.before_pairs()
-        self._pack_half(self.n)
+        self._pack_half(self.n, 0.0, 0.0)
         self._density_rates(self.n, step, 0.0)
 
     def accelerate(self, step: int, dt: float) -> None:
         """Acceleration; ``dt`` scales the noise."""
-        self._before_forces()
+        self._before_forces(dt)
         self._forces(self.n, step, 1.0 / dt)
         self.after_forces()
 
-    def _before_forces(self) -> None:
+    def _before_forces(self, dt: float) -> None:
         self.before_pairs()
         if self.options["NORMAL"]:
             self._kernel_sums(self.n)
-        self._pack(self.n)
+        self._pack(self.n, 0.5 * dt, self._lead(dt))
+
+    def _lead(self, dt: float) -> float:
+        """How far ahead the friction between fluid particles takes their velocities: 1 is exact.
+
+        In a step friction acts once, with the velocities at its end. These are v at the half step
+        and half a step of the acceleration before, which makes the step one of second order and
+        stable for λ dt < 1 (Adams and Bashforth's rule), λ being the largest eigenvalue of the
+        friction; with v alone it is of first order and stable for λ dt < 2. Of the acceleration as
+        much is taken as leaves λ dt (1 + lead) at what the automatic step allows.
+        """
+        if self._stiffness == 0.0:
+            return 1.0
+        return min(1.0, max(0.0, EXPLICIT / (dt * self._stiffness) - 1.0))
 
     def rates(self, step: int, dt: float) -> None:
         """Density rate (unless it is summed) and acceleration in one sweep."""
-        self._before_forces()
+        self._before_forces(dt)
         self._all_rates(self.n, step, 1.0 / dt)
         self.after_forces()

@@ -6,6 +6,7 @@ import math
 
 from particell.compute.loop import particle_loop
 from particell.kernels import power, shape_w
+from particell.laws.hydrostatics import rest_height, rest_pressure_at, rest_weight_at
 from particell.laws.pairs import image_offset, wall_weight
 
 
@@ -70,6 +71,9 @@ def wall_pressure(
     background,
     group,
     wall_acceleration,
+    rest_axis,
+    rest_weight,
+    rest_pressure,
     pressure_term,
     *,
     DIM,
@@ -79,12 +83,14 @@ def wall_pressure(
     """Pressure of wall particle i, extrapolated from the fluid (Adami, Hu & Adams 2012, Eq. 27).
 
     P_w = Σ_f (P_f + ρ_f (g − a_w)·(x_w − x_f)) W_wf / Σ_f W_wf, with the acceleration a_w of walls
-    that move; the background pressure where no fluid is.
+    that move; the background pressure where no fluid is. What :mod:`particell.laws.hydrostatics`
+    takes out of P, and its weight, are not extrapolated: they are known at the wall.
     """
     if not is_wall[i]:
         return
     wraps = crosses[i] != 0
     weights, total = 0.0, 0.0
+    own_height = rest_height(i, x, rest_axis, DIM)
     for k in range(start[i], split[i]):
         j = neighbours[k]
         r2, head = 0.0, 0.0
@@ -97,9 +103,13 @@ def wall_pressure(
                 head += gravity[d] * s
         w = wall_weight(r2, support, i, j, KERNEL)
         weights += w
-        total += w * (pressure[j] + density[j] * head)
+        height = rest_height(j, x, rest_axis, DIM)
+        rest = rest_pressure_at(height, rest_axis[DIM + 2], rest_weight, rest_pressure)
+        rest += rest_weight_at(height, rest_weight) * rest_axis[DIM + 2] * (own_height - height)
+        total += w * (pressure[j] - rest + density[j] * head)
     value = background[group[i]]
     if weights > 0.0:
-        value = total / weights
+        rest = rest_pressure_at(own_height, rest_axis[DIM + 2], rest_weight, rest_pressure)
+        value = rest + total / weights
     pressure[i] = value
     pressure_term[i] = value / (density[i] * density[i])

@@ -18,7 +18,12 @@ from particell.compute.device import Device
 from particell.compute.loop import particle_loop
 from particell.compute.rounding import nearest_whole
 from particell.kernels import power, shape_f, shape_w
-from particell.laws.continuity import density_diffusion, divergence
+from particell.laws.continuity import (
+    density_diffusion,
+    density_per_head,
+    divergence,
+    middle_of_pair,
+)
 from particell.laws.pairs import image_offset
 from particell.laws.transport_velocity import (
     conserving_flux,
@@ -36,7 +41,7 @@ PRESSURE_FORCES = {"symmetric": 0, "difference": 2}
 
 
 def flux_fields(
-    device: Device, n: int, dim: int, uniform: bool, walls: bool, record: int
+    device: Device, n: int, dim: int, uniform: bool, walls: bool, diffuses: bool, record: int
 ) -> dict[str, Any]:
     """Records (of ``record`` numbers) and batch of :func:`flux_rates`, by argument name."""
     return {
@@ -45,17 +50,25 @@ def flux_fields(
         "flux_matter": batch_buffer(device, n, dim + 2),
         "flux_wall": batch_buffer(device, n if walls else 0, 2),
         "flux_support": batch_buffer(device, 0 if uniform else n),
+        "flux_density": batch_buffer(device, n if diffuses else 0),
     }
 
 
 @particle_loop
-def pack_flux(i, x, v, transport, volume, density_half, flux_record, *, DIM, RECORD):
-    """Put what neighbours of i read into its record; δv is the transport velocity less v."""
+def pack_flux(
+    i, x, v, flux, transport, volume, density_half, flux_record, half_step, *, DIM, RECORD
+):
+    """Put what neighbours of i read into its record; δv is the transport velocity less v.
+
+    v is taken to the middle of the step by half a step of the last flux, as in the transport
+    velocity.
+    """
     at = i * RECORD
     for d in range(DIM):
+        velocity = v[i, d] + half_step * flux[i, d]
         flux_record[at + d] = x[i, d]
-        flux_record[at + DIM + d] = v[i, d]
-        flux_record[at + 2 * DIM + d] = transport[i, d] - v[i, d]
+        flux_record[at + DIM + d] = velocity
+        flux_record[at + 2 * DIM + d] = transport[i, d] - velocity
     flux_record[at + 3 * DIM] = density_half[i]
     flux_record[at + 3 * DIM + 1] = volume[i]
 
@@ -83,8 +96,15 @@ def flux_rates(
     flux_matter,
     flux_wall,
     flux_support,
+    flux_density,
     group,
     diffusion,
+    gravity,
+    buoyancy,
+    reference,
+    sound_speed,
+    exponent,
+    equation,
     density_rate,
     flux,
     *,
@@ -98,13 +118,16 @@ def flux_rates(
     FLUX,
     EXACT,
     DELTA,
+    HEAD,
+    PARTED,
 ):
     """Density rate (kg/m³/s) of particle i, and its acceleration by δv (m/s²) in ``flux``.
 
     The batch holds x_ij, v_ij, δv_j, ρ_j, V_j; for walls the factor by which their difference of
     velocity grows (:mod:`particell.boundaries.wall`), and 1 for fluid, 0 for walls, which take no
     part in the fluxes. With ``EXACT`` the density follows v and δv by the consistent gradient; with
-    ``DELTA`` it diffuses, ``diffusion`` being 2 δ h c₀ by group.
+    ``DELTA`` it diffuses, as in :func:`particell.schemes.rates.rates`; the batch then holds what
+    the pair's density difference is for that.
     """
     if is_wall[i]:
         for d in range(DIM):
@@ -131,6 +154,10 @@ def flux_rates(
     inverse_h = 1.0 / hi
     scale = alpha * inverse_h * inverse_h / power(hi, DIM)
     reach2 = hi * hi
+    g = group[i]
+    per_head = 0.0
+    if DELTA and HEAD:
+        per_head = density_per_head(density_i, reference[g], sound_speed[g], exponent[g])
     expansion, gain, spread = 0.0, 0.0, 0.0
     txx, tyy, tzz, txy, tyz, tzx = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     gxx, gyy, gzz, gxy, gyz, gzx = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -176,10 +203,24 @@ def flux_rates(
             to, of = c * fields, of + dims
             for d in range(DIM + 2):  # δv, ρ, V
                 flux_matter[to + np.uint64(d)] = flux_record[of + np.uint64(d)]
+            if PARTED and k < first_wall and equation[group[j]] != equation[g]:
+                flux_matter[to + dims] = density_i  # δv carries nothing across the jump
             if not UNIFORM:
                 h = 0.5 * (hi + support[j])
                 flux_support[c] = h
                 reach2 = h * h
+            if DELTA:
+                density_j = flux_matter[to + dims]
+                if HEAD:  # less what it differs by in a fluid at rest
+                    weight = middle_of_pair(per_head, density_i, density_j, exponent[g])
+                    for d in range(DIM):
+                        force = gravity[d]
+                        if HEAD == 2:
+                            force += 0.5 * (buoyancy[i, d] + buoyancy[j, d])
+                        density_j += weight * force * flux_near[at + np.uint64(d)]
+                if k >= first_wall or (PARTED and equation[group[j]] != equation[g]):
+                    density_j = density_i  # walls take no part, and between fluids density jumps
+                flux_density[c] = density_j
             if WALLS:
                 grow, is_fluid = 1.0, 1.0
                 if k >= first_wall:
@@ -265,7 +306,8 @@ def flux_rates(
                 expansion += divergence(weight, along)
                 gain += mass_flux(inner, density_i, density_j, own_x, its_x)
             if DELTA:
-                spread += density_diffusion(inner, density_i, density_j)
+                part = density_diffusion(weight, density_i, flux_density[q])
+                spread += part if UNIFORM else flux_support[q] * part
             ratio = density_j * inverse_density
             if FLUX == 1:
                 along = uniform_flux(inner, ratio, its_x)
@@ -288,7 +330,9 @@ def flux_rates(
     else:
         rate = -density_i * expansion + gain
     if DELTA:
-        rate += diffusion[group[i]] * spread
+        if UNIFORM:
+            spread *= hi
+        rate += diffusion[g] * spread
     density_rate[i] = rate
     flux[i, 0] = ax
     if DIM > 1:
@@ -313,15 +357,23 @@ def filtered_density(
     crosses,
     period,
     inverse_period,
+    gravity,
+    buoyancy,
+    reference,
+    sound_speed,
+    exponent,
     density_half,
     *,
     DIM,
     KERNEL,
+    HEAD,
 ):
     """Shepard filter: Σ m W / Σ V W over i and the fluid of its group; walls keep their density.
 
-    A uniform density stays uniform. It is written to ``density_half``, since neighbours still read
-    the old one.
+    Masses of neighbours are taken at the height of i: what their density differs by in a fluid at
+    rest (:mod:`particell.laws.continuity`) is no noise, and beside walls, where neighbours are on
+    one side, it would be smoothed away. A uniform density stays uniform. It is written to
+    ``density_half``, since neighbours still read the old one.
     """
     density_half[i] = density[i]
     if is_wall[i]:
@@ -329,16 +381,26 @@ def filtered_density(
     w = shape_w(0.0, KERNEL)
     above, below = mass[i] * w, volume[i] * w
     wraps = crosses[i] != 0
+    g, per_head = group[i], 0.0
+    if HEAD:
+        per_head = density_per_head(density[i], reference[g], sound_speed[g], exponent[g])
     for k in range(start[i], split[i]):
         j = neighbours[k]
         if group[j] != group[i]:
             continue
-        r2 = 0.0
+        r2, head = 0.0, 0.0
         for d in range(DIM):
             s = image_offset(x, i, j, d, wraps, period, inverse_period)
             r2 += s * s
+            if HEAD:
+                head += gravity[d] * s
+            if HEAD == 2:
+                head += 0.5 * (buoyancy[i, d] + buoyancy[j, d]) * s
         h = 0.5 * (support[i] + support[j])
         w = shape_w(math.sqrt(r2) / h, KERNEL) * power(support[i] / h, DIM)
         above += mass[j] * w
+        if HEAD:
+            rest = middle_of_pair(per_head, density[i], density[j], exponent[g]) * head
+            above += volume[j] * rest * w
         below += volume[j] * w
     density_half[i] = above / below

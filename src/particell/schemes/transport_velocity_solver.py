@@ -57,7 +57,7 @@ class TransportVelocitySolver(SDPDSolver):
         o["SWITCH"] = 1 if scheme.pressure_switch else PRESSURE_FORCES[scheme.pressure_force]
         self.FIXED_VOLUME = scheme.fixed_volume
         self.constants |= flux_fields(
-            device, self.n, self.dim, o["UNIFORM"], o["WALLS"], RECORD[self.dim]
+            device, self.n, self.dim, o["UNIFORM"], o["WALLS"], o["DELTA"], RECORD[self.dim]
         )
 
     @staticmethod
@@ -75,29 +75,33 @@ class TransportVelocitySolver(SDPDSolver):
         bind, dim, o = self.device.bind, self.dim, self.options
         same = {
             k: o[k]
-            for k in ("DIM", "RECORD", "BATCH", "KERNEL", "UNIFORM", "WALLS", "UNKNOWN", "DELTA")
+            for k in (
+                *("DIM", "RECORD", "BATCH", "KERNEL", "UNIFORM", "WALLS", "UNKNOWN"),
+                *("DELTA", "HEAD", "PARTED"),
+            )
         }
         self._pack_flux = bind(pack_flux, fields, DIM=dim, RECORD=o["RECORD"])
         form, exact = FORMS[self.scheme.momentum_flux], self.scheme.renormalise
         self._flux_rates = bind(flux_rates, fields, **same, FLUX=form, EXACT=exact)
         self._add_flux = bind(updates.kick, {**fields, "a": fields["flux"]}, DIM=dim, HELD=FREE)
-        self._filter = bind(filtered_density, fields, DIM=dim, KERNEL=o["KERNEL"])
+        head = {"HEAD": o["HEAD"]}
+        self._filter = bind(filtered_density, fields, DIM=dim, KERNEL=o["KERNEL"], **head)
 
     def step(self, step: int, dt: float) -> None:
         """Kick, drift, kick with two sweeps: fluxes half-way, forces at the end of the drift.
 
-        δv is evaluated with the forces, where the step begins, and holds for the whole step: mass
-        and momentum cross between particles with the very δv that moves these, at x and v of the
-        half step.
+        δv is known with the forces, where the step begins; what it is in the middle of the step
+        holds for all of it. Mass and momentum cross between particles with the very δv that moves
+        these, at x and v of the half step, to which the last flux has brought v.
         """
         n = self.n
         self.kick(n, 0.5 * dt)
-        self.transport_velocity(n, self.shift_pressure, dt)
+        self.transport_velocity(n, dt)
         self._renew_list(dt)
         self.drift(n, 0.5 * dt)
         self.move_walls(0.5)
         self.predict_density(n, 0.5 * dt)
-        self.density_rates(step)
+        self.density_rates(step, dt)
         self.carry_species(step, dt)
         self.drift(n, 0.5 * dt)
         self.move_walls(1.0)
@@ -110,10 +114,10 @@ class TransportVelocitySolver(SDPDSolver):
         self.accelerate(step + 1, dt)
         self.kick(n, 0.5 * dt)
 
-    def density_rates(self, step: int) -> None:
+    def density_rates(self, step: int, dt: float) -> None:
         """Density rate and flux of momentum at the half step."""
         self.before_pairs()
-        self._pack_flux(self.n)
+        self._pack_flux(self.n, 0.5 * dt)
         self._flux_rates(self.n)
 
     def carry_species(self, step: int, dt: float) -> None:

@@ -1,0 +1,156 @@
+"""The table of a fluid's pressure at rest, for :mod:`particell.laws.hydrostatics`.
+
+For a fluid with a free surface nothing is taken out of the pressure, since there the sum over
+pairs ends where the fluid does. Whether it has one is decided by how full the supports are at the
+start (:func:`is_enclosed`).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from particell.compute.device import Device
+from particell.geometry.domain import Domain
+from particell.particles import Particles
+
+#: Share of its support that is filled for a particle in the bulk, at least: half is a surface.
+FULL = 0.75
+#: Part of the particles that may have less, where they are placed at random.
+LOOSE = 0.01
+#: Particles that are looked at in each layer.
+SAMPLE = 1000
+#: Places of the table in a particle spacing, so that layers are told apart, and at most.
+PER_SPACING, MOST_PLACES = 4, 16384
+
+
+class RestPressure:
+    """P^H of a set of particles, as arrays for loops; zero until :meth:`tabulate` finds one.
+
+    Parameters
+    ----------
+    device, domain, particles
+        Where loops run; the box; the particles at the start.
+    gravity
+        In m/s², shape (D,).
+    """
+
+    def __init__(
+        self, device: Device, domain: Domain, particles: Particles, gravity: np.ndarray
+    ) -> None:
+        self.device, self.domain, self.particles = device, domain, particles
+        self.gravity = gravity
+        x = particles.host("x").astype(float)
+        spacing = float(particles.host("volume").min()) ** (1 / domain.dim)
+        across = float(np.linalg.norm(np.ptp(x, axis=0)))
+        self._places = int(min(PER_SPACING * across / spacing, MOST_PLACES)) + 3
+        self._enclosed: bool | None = None
+        self.fields: dict[str, Any] = {
+            "rest_axis": device.array(np.zeros(domain.dim + 3)),
+            "rest_weight": device.array(np.zeros(self._places)),
+            "rest_pressure": device.array(np.zeros(self._places)),
+        }
+
+    def tabulate(self) -> None:
+        """Take w(s) from where the particles are and from what acts on them."""
+        p = self.particles
+        fluid = p.host("is_wall") == 0
+        force = np.tile(self.gravity, (len(p), 1))
+        if "buoyancy" in p:
+            force = force + p.host("buoyancy")
+        force = np.where(self.domain.periodic, 0.0, force)[fluid]
+        if not np.any(force):
+            return
+        if self._enclosed is None:
+            self._enclosed = is_enclosed(self.domain, p)
+        if not self._enclosed:
+            return
+        mass = p.host("mass")[fluid].astype(float)
+        axis = np.linalg.eigh(np.einsum("n,ni,nj->ij", mass, force, force))[1][:, -1]
+        axis = np.where(self.domain.periodic, 0.0, axis)
+        x = p.host("x").astype(float)
+        s, volume = x @ axis, p.host("volume")[fluid].astype(float)
+        start, interval = s.min(), max(float(np.ptp(s)), 1e-300) / (self._places - 1)
+        height = (s[fluid] - start) / interval
+        weight = self._means(height, mass * (force @ axis), volume)
+        steps = 0.5 * interval * (weight[1:] + weight[:-1])
+        pressure = np.concatenate([[0.0], np.cumsum(steps)])
+        pressure -= volume @ np.interp(height, np.arange(self._places), pressure) / volume.sum()
+        self.put({"rest_weight": weight, "rest_pressure": pressure})
+        self.put({"rest_axis": np.array([*axis, start, 1.0 / interval, interval])})
+
+    def _means(self, height: np.ndarray, weight: np.ndarray, volume: np.ndarray) -> np.ndarray:
+        """Weight per volume at each place of the table.
+
+        Means over the two intervals around a place hold at the centre of what they are made of.
+        Between these they are interpolated, and beyond the outermost ones their line goes on:
+        exact where the weight is linear in s, and without overshoot where it jumps.
+        """
+        k = np.clip(height.astype(int), 0, self._places - 2)
+        upper = height - k
+
+        def sums(values: np.ndarray) -> np.ndarray:
+            low = np.bincount(k, values * (1 - upper), self._places)
+            return low + np.bincount(k + 1, values * upper, self._places)
+
+        below = sums(volume)
+        known = below > 1e-9 * below.max()
+        centre, mean = (
+            sums(volume * height)[known] / below[known],
+            sums(weight)[known] / below[known],
+        )
+        places = np.arange(self._places)
+        table = np.interp(places, centre, mean)
+        if len(centre) > 2:
+            for end, inner, beyond in ((0, 2, places < centre[0]), (-1, -3, places > centre[-1])):
+                slope = (mean[end] - mean[inner]) / (centre[end] - centre[inner])
+                table[beyond] = mean[end] + slope * (places[beyond] - centre[end])
+        return table
+
+    def put(self, values: dict[str, np.ndarray]) -> None:
+        """Write tables: those found, or those of a run that goes on."""
+        for name, array in values.items():
+            self.device.write(self.fields[name], array)
+
+    def state(self) -> dict[str, np.ndarray]:
+        """The tables, for :meth:`put`."""
+        return {k: np.array(self.device.to_host(v)) for k, v in self.fields.items()}
+
+
+def is_enclosed(domain: Domain, particles: Particles) -> bool:
+    """Whether the fluid has neighbours all round: walls, other fluid, or images of itself.
+
+    Looked at are its outermost particles in all directions, and others at equal intervals.
+    """
+    fluid = np.flatnonzero(particles.host("is_wall") == 0)
+    if not len(fluid):
+        return False
+    x = particles.host("x").astype(float)
+    support = particles.host("support").astype(float)
+    volume = particles.host("volume").astype(float)
+    dim = domain.dim
+    periods = np.where(domain.periodic, domain.lengths, 0.0)
+    origin = np.where(domain.periodic, domain.lower, x.min(axis=0))
+    places = x - origin
+    places = np.where(domain.periodic, np.mod(places, np.where(periods > 0, periods, 1.0)), places)
+    tree = cKDTree(places, boxsize=periods)
+    ball = math.pi ** (dim / 2) / math.gamma(dim / 2 + 1)
+
+    def filled(rows: np.ndarray) -> np.ndarray:
+        rows = rows[:: max(1, len(rows) // SAMPLE)]
+        near = tree.query_ball_point(places[rows], support[rows])
+        within = np.array([volume[k].sum() for k in near])
+        return within / (ball * support[rows] ** dim)
+
+    if np.mean(filled(fluid) < FULL) > LOOSE:
+        return False
+    spacing = volume[fluid] ** (1 / dim)
+    for d in np.flatnonzero(~domain.periodic):
+        height = x[fluid, d]
+        for outer in (height < height.min() + 0.9 * spacing, height > height.max() - 0.9 * spacing):
+            if filled(fluid[outer]).mean() < FULL:
+                return False
+    return True

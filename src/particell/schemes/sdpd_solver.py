@@ -20,6 +20,7 @@ from particell.materials import BOLTZMANN, Fluid
 from particell.particles import Particles
 from particell.schemes import updates
 from particell.schemes.rates import MATTER, RECORD, batch_fields, pack, rates
+from particell.schemes.summation import discrete_fluids
 from particell.schemes.sweeps import summed_density, wall_pressure
 
 if TYPE_CHECKING:
@@ -65,7 +66,8 @@ class SDPDSolver:
         self.n, self.dim = len(particles), domain.dim
         dim = self.dim
         by_group = [materials[g.material] for g in particles.groups]
-        friction = [self.friction(m, dim) for m in by_group]
+        discrete = discrete_fluids(scheme, particles, by_group, depth_factor)
+        friction = [self.friction(d.material, dim) for d in discrete]
         support = particles.host("support")
         h = float(support.max())
         gravity = np.zeros(dim) if scheme.gravity is None else np.array(scheme.gravity, dtype=float)
@@ -109,7 +111,7 @@ class SDPDSolver:
         code = kernel_code(scheme.kernel)
         array = device.array
         key = stream_key(seed, PAIR_NOISE)
-        sound_speeds = np.array([m.sound_speed for m in by_group], dtype=float)
+        sound_speeds = np.array([d.material.sound_speed for d in discrete], dtype=float)
         self.constants = {
             "alpha": normalisation(code, dim),
             "transverse": array(np.array([f[0] for f in friction])),
@@ -123,6 +125,8 @@ class SDPDSolver:
             "sound_speed": array(sound_speeds),
             "exponent": array(np.array([m.exponent for m in by_group])),
             "background": array(np.array([m.background_pressure for m in by_group])),
+            "density_sum": array(np.array([d.density_sum for d in discrete])),
+            "confinement": array(np.array([d.confinement for d in discrete])),
         }
         kinds = zip(friction, self.thermal.tolist(), particles.groups, strict=True)
         pairings = {(f, thermal) for f, thermal, g in kinds if g.kind == "fluid"}

@@ -23,13 +23,18 @@ def summed_density(
     period,
     inverse_period,
     alpha,
+    group,
+    density_sum,
     density,
     *,
     DIM,
     KERNEL,
     UNIFORM,
 ):
-    """ρ_i = Σ_j m_j W_ij over all neighbours, particle i itself included; walls keep theirs."""
+    """ρ_i = Σ_j m_j W_ij/s over all neighbours, particle i itself included; walls keep theirs.
+
+    s is ``density_sum`` of the particle's group (:mod:`particell.schemes.summation`).
+    """
     if is_wall[i]:
         return
     hi = support[i]
@@ -49,7 +54,7 @@ def summed_density(
         else:
             h = 0.5 * (hi + support[j])
             total += mass[j] * alpha / power(h, DIM) * shape_w(r / h, KERNEL)
-    density[i] = total
+    density[i] = total / density_sum[group[i]]
 
 
 @particle_loop
@@ -68,6 +73,8 @@ def wall_pressure(
     inverse_period,
     gravity,
     background,
+    density_sum,
+    confinement,
     group,
     wall_acceleration,
     pressure_term,
@@ -102,4 +109,5 @@ def wall_pressure(
     if weights > 0.0:
         value = total / weights
     pressure[i] = value
-    pressure_term[i] = value / (density[i] * density[i])
+    g = group[i]
+    pressure_term[i] = (value + confinement[g]) / (density[i] * density[i] * density_sum[g])

@@ -7,7 +7,7 @@ mass, spacing and temperature; s from the virial pressure, corrected twice; K fr
 volumes 1 % smaller and larger; f and g from the decay of transverse waves that were kicked
 (:mod:`particell.analysis.modes`) at two strengths of friction, R = ρ c_p h/η_p, which for long waves
 is f + g R, with the finite wave length and time step divided out. Standard errors stand in the last
-columns. Some hours on one core.
+columns. An hour on one core.
 """
 
 from __future__ import annotations
@@ -34,14 +34,17 @@ from particell.laws.viscosity import friction_coefficients
 from particell.materials import BOLTZMANN, Fluid
 from particell.phases import Phase
 from particell.schemes.sdpd import SDPD
-from particell.schemes.summation import CONFINEMENT, lattice_sum
+from particell.schemes.summation import confinement_of, lattice_sum
 from particell.simulation import Simulation
 
-SUPPORTS = {2: (2.0, 2.25, 2.5, 2.75, 3.0, 3.5, 4.0), 3: (2.0, 2.5, 3.0, 3.5, 4.0)}
-SIDES = {2: 24, 3: 10}
-STRENGTHS = (2e-4, 1e-3, 4e-3)
-#: R of the box whose pressure is measured, which mixes quickly, and of those whose decay is.
-MIXING, DECAYS = 3.0, (0.4, 2.5)
+SUPPORTS = {2: (2.0, 2.25, 2.5, 2.75, 3.0, 3.5, 4.0), 3: (2.0, 2.5, 3.0, 4.0)}
+SIDES = {2: 24, 3: 9}
+STRENGTHS = {2: (1e-4, 1e-3, 4e-3), 3: (1e-4, 1e-3)}
+#: R of the box whose pressure is measured, where particles mix quickly (in 20 h²ρ/η they go some
+#: spacings, where those of a fluid with R = 1 take 1e4), and of those whose decay is.
+MIXING, DECAYS = 25.0, (0.4, 2.5)
+#: Length of runs in h²ρ/η: until particles are mixed, and until pressures are averaged.
+REST, TIMES = 10, 20
 #: Volumes of the box, of which the first is the reference.
 VOLUMES = (1.0, 0.99, 1.01)
 
@@ -81,10 +84,9 @@ class Entry:
         simulation = Simulation(box, phase, scheme, seed=seed)
         given = simulation.solver.constants
         friction = friction_coefficients(viscosity, 0.0, self.dim)
-        confinement = CONFINEMENT * self.theta**-0.5
         for name, value in (
             ("density_sum", s),
-            ("confinement", confinement),
+            ("confinement", confinement_of(self.theta) / self.theta),
             ("sound_speed", sound),
             ("transverse", friction[0]),
             ("radial", friction[1]),
@@ -101,10 +103,10 @@ class Entry:
         simulation = self.build(MIXING, s, volume, seed)
         unit = self.viscous_steps(simulation, MIXING)
         simulation.advance(int(rest * unit))
-        p, confinement = simulation.particles, CONFINEMENT * self.theta**-0.5
+        p, confinement = simulation.particles, confinement_of(self.theta) / self.theta
         found = []
-        for _ in range(int(times * 2)):
-            simulation.advance(max(1, int(unit / 2)))
+        for _ in range(int(times * 4)):
+            simulation.advance(int(unit / 4))
             x, density = np.array(p.host("x")), p.host("density")
             term = (p.host("pressure") + confinement) / (s * density**2)
             edges = simulation.domain.lengths
@@ -113,18 +115,23 @@ class Entry:
         mean = block_average((np.array(found) - confinement) * self.theta, 10)
         return float(mean.mean), float(mean.error)
 
-    def viscosity(self, ratio: float, s: float, rest: float, starts: int):
-        """Viscosity of long waves over η at R = ``ratio``: mean and error."""
-        plain, kicked = self.build(ratio, s), self.build(ratio, s)
-        source = self.build(ratio, s, seed=2)
-        unit = self.viscous_steps(source, ratio)
+    def states(self, s: float, rest: float, number: int) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Positions and velocities in equilibrium, which knows nothing of the viscosity."""
+        source = self.build(MIXING, s, seed=2)
+        unit = self.viscous_steps(source, MIXING)
         source.advance(int(rest * unit))
-        states = []
-        for _ in range(starts):
-            source.advance(int(4 * unit))
+        found = []
+        for _ in range(number):
+            source.advance(int(unit))
             p = source.particles
             order = np.argsort(p.host("id"))
-            states.append((np.array(p.host("x"))[order], np.array(p.host("v"))[order]))
+            found.append((np.array(p.host("x"))[order], np.array(p.host("v"))[order]))
+        return found
+
+    def viscosity(self, ratio: float, s: float, states: list[tuple[np.ndarray, np.ndarray]]):
+        """Viscosity of long waves over η at R = ``ratio``: mean and error."""
+        plain, kicked = self.build(ratio, s), self.build(ratio, s)
+        unit = self.viscous_steps(plain, ratio)
         waves = waves_up_to(self.dim, 2)
         k = 2 * math.pi / self.side
         last = int(0.8 * unit / (k * self.support) ** 2)
@@ -145,7 +152,7 @@ class Entry:
 
 def measure(entry: Entry, effort: float = 1.0) -> str:
     """The row of the table."""
-    times, rest = 60 * effort, 40 * effort
+    times, rest = TIMES * effort, REST * max(1.0, effort)
     s = 1.005 * lattice_sum(entry.kernel, entry.support, entry.dim)
     first, _ = entry.pressure(s, 1.0, rest, times / 2, 3)
     s *= 1 + first / 0.9
@@ -154,7 +161,8 @@ def measure(entry: Entry, effort: float = 1.0) -> str:
     stiffness = (small - large) / (1 / VOLUMES[1] - 1 / VOLUMES[2])
     stiffness_error = math.hypot(small_error, large_error) / (1 / VOLUMES[1] - 1 / VOLUMES[2])
     s *= 1 + here / stiffness
-    low, high = (entry.viscosity(ratio, s, rest, int(12 * effort)) for ratio in DECAYS)
+    states = entry.states(s, rest, max(4, int(10 * effort)))
+    low, high = (entry.viscosity(ratio, s, states) for ratio in DECAYS)
     collisions = (high[0] - low[0]) / (DECAYS[1] - DECAYS[0])
     friction = low[0] - collisions * DECAYS[0]
     return (
@@ -171,14 +179,14 @@ def entries(only: str | None) -> list[Entry]:
         for dim in (3, 2)
         for support in reversed(SUPPORTS[dim])
         for kernel in CODES
-        for theta in STRENGTHS
+        for theta in STRENGTHS[dim]
     ]
-    return [entry for entry in found if only is None or entry.name == only]
+    return [entry for entry in found if only is None or entry.name.startswith(only)]
 
 
 @click.command()
 @click.option("--processes", default=2, show_default=True)
-@click.option("--only", help="Rows of one kernel, dimension and support.")
+@click.option("--only", help="Rows whose kernel-dimension-support begins so.")
 @click.option("--effort", default=1.0, show_default=True, help="Length of the runs.")
 def main(processes: int, only: str | None, effort: float) -> None:
     """Print the table as it becomes known."""

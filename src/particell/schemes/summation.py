@@ -15,9 +15,10 @@ particles; its friction is that of its arrangement, and collisions add to it. So
 with the energy :math:`\sum_i m_i e(\rho_i) - P_c V_i`, whose equilibrium at the temperature T is
 known as ever. In it
 
-- the confinement :math:`P_c = \tfrac12\sqrt{\rho c_p^2\,k_BT/V}` is half of what a particle's
-  pressure fluctuates by, which keeps particles from tension. It is the same everywhere, and only
-  differences of pressure act: that of the particles is given without it;
+- the confinement :math:`P_c = \sqrt{\rho c_p^2\,k_BT/V}`, but at most 100 :math:`k_BT/V` (where
+  particles would freeze), is what the pressure in a particle's volume fluctuates by: it keeps
+  particles from tension. It is the same everywhere, and only differences of pressure act: that of
+  the particles is given without it;
 - s is the kernel sum of the disordered fluid, such that its pressure (virial and
   :math:`k_BT/V`) is that of the equation of state, plus P_c, at the reference density;
 - the particles' sound speed is :math:`c_p = c_0/\sqrt K`, with the isothermal compression modulus
@@ -55,8 +56,8 @@ if TYPE_CHECKING:
     from particell.schemes.sdpd import SDPD
     from particell.schemes.transport_velocity import TransportVelocity
 
-#: P_c in units of the pressure's fluctuation √(ρ c² k_BT/V) of one particle.
-CONFINEMENT = 0.5
+#: Largest P_c in units of k_BT/V: what repels then is still far from freezing.
+MOST_CONFINED = 100.0
 #: At most this part of a viscosity is taken to be the collisions'.
 MOST_COLLISIONS = 0.2
 #: γ of the fluids in the table, and the variance of their ρ/ρ₀ over θ.
@@ -165,8 +166,13 @@ def fluctuating_fluid(
         viscosity=material.viscosity * friction,
         bulk_viscosity=material.bulk_viscosity * friction,
     )
-    confinement = CONFINEMENT * material.density * sound_speed**2 * math.sqrt(theta)
+    confinement = confinement_of(theta) * material.density * sound_speed**2
     return DiscreteFluid(given, found.density_sum * (1.0 + shift), confinement)
+
+
+def confinement_of(theta: float) -> float:
+    """P_c/(ρ c_p²) at θ = k_BT/(m c_p²)."""
+    return min(math.sqrt(theta), MOST_CONFINED * theta)
 
 
 def disorder(kernel: str, support: float, dim: int, theta: float) -> Disorder:

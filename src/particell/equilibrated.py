@@ -74,7 +74,5 @@ def equilibrated(
     )
     mixing = Simulation(domain, replace(phase, material=thin), scheme, seed=seed, device=device)
     mixing.advance(round(TIMES * MIXING * length / sound_speed / mixing.dt))
-    particles = mixing.particles
-    points = np.empty((len(particles), domain.dim))
-    points[particles.host("id")] = particles.host("x")
+    points = mixing.particles.by_id("x")
     return np.asarray(domain.lower) + np.mod(points - domain.lower, domain.lengths)

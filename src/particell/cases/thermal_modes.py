@@ -156,9 +156,7 @@ class ThermalModes(Case):
     def build(self, context: Context) -> Simulation:
         """The fluid with particles where they are in equilibrium, without motion."""
         dim = self.dimensions
-        domain = Domain(
-            (0,) * dim, (self.edge,) * dim, periodic="xyz"[:dim], depth=self.spacing
-        )
+        domain = Domain((0,) * dim, (self.edge,) * dim, periodic="xyz"[:dim], depth=self.spacing)
         material = Fluid(
             density=self.density,
             viscosity=self.viscosity,
@@ -174,9 +172,7 @@ class ThermalModes(Case):
             integrator=self.integrator,
             fluctuations=True,
         )
-        points = equilibrated(
-            domain, material, self.spacing, scheme, context.seed, context.device
-        )
+        points = equilibrated(domain, material, self.spacing, scheme, context.seed, context.device)
         return Simulation(
             domain,
             Phase("fluid", material, points, self.spacing**dim),
@@ -273,7 +269,9 @@ class ThermalModes(Case):
 
     def long_waves(self, squares: np.ndarray, structure: np.ndarray) -> float:
         """S(0) of 1/S = a + b k², by least squares weighted with the number of waves."""
-        number = [((waves_up_to(self.dimensions, STRUCTURE) ** 2).sum(1) == n).sum() for n in squares]
+        number = [
+            ((waves_up_to(self.dimensions, STRUCTURE) ** 2).sum(1) == n).sum() for n in squares
+        ]
         # the relative error of S is 1/√number: so is that of 1/S
         _, constant = np.polyfit(squares, 1 / structure, 1, w=structure * np.sqrt(number))
         return float(1 / constant)

@@ -177,7 +177,7 @@ def confinement_of(theta: float) -> float:
 
 def disorder(kernel: str, support: float, dim: int, theta: float) -> Disorder:
     """The table's entry for a kernel, its support in spacings, D = 2 or 3, and θ, interpolated."""
-    table = _table()[kernel, dim]
+    table = _table().get((kernel, dim)) or _table()["lucy", dim]
     supports = sorted(table)
     # first along θ at every support, then between supports
     values = [

@@ -1,13 +1,13 @@
 r"""Measures the table of :mod:`particell.schemes.summation`.
 
-    python docs/fluctuating_table.py [--processes 2] [--only lucy-2-3.0] > src/particell/schemes/disorder.csv
+    python docs/fluctuating_table.py [--processes 2] [--only lucy-2-3.0] > disorder.csv
 
 For every kernel, support, dimension and strength of the noise: a periodic box of particles of unit
 mass, spacing and temperature; s from the virial pressure, corrected twice; K from the pressure at
 volumes 1 % smaller and larger; f and g from the decay of transverse waves that were kicked
-(:mod:`particell.analysis.modes`) at two strengths of friction, R = ρ c_p h/η_p, which for long waves
-is f + g R, with the finite wave length and time step divided out. Standard errors stand in the last
-columns. An hour on one core.
+(:mod:`particell.analysis.modes`) at two strengths of friction, R = ρ c_p h/η_p, which for long
+waves is f + g R, with the finite wave length and time step divided out. Standard errors stand in
+the last columns. It belongs into ``src/particell/schemes/``. An hour on one core.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ class Entry:
         return max(SIDES[self.dim], math.ceil(2.5 * self.support) + 1)
 
     def build(self, ratio: float, s: float, volume: float = 1.0, seed: int = 1) -> Simulation:
-        """A box at R = ``ratio``, whose densities are divided by s; units of mass, spacing, k_BT."""
+        """A box at R = ``ratio`` whose densities are divided by s; mass, spacing, k_BT are 1."""
         sound = self.theta**-0.5
         viscosity = sound * self.support / ratio
         material = Fluid(1.0, viscosity, temperature=1 / BOLTZMANN, sound_speed=sound)

@@ -17,8 +17,8 @@ Waves are kicked, and compared with the same run that was not (:mod:`particell.a
 response is the normalised correlation of their fluctuations, without the noise. The kicks start
 from frames that are evenly spread over the run.
 
-Errors are standard errors: of pressure and S(k) from 20 equal blocks of time (each the mean over the
-waves of equal length, which are equivalent), by leaving out one block at a time where a number is
+Errors are standard errors: of pressure and S(k) from 20 equal blocks of time (each the mean over
+the waves of equal length, which are equivalent), by leaving out one block at a time where a number is
 fitted; of decays by leaving out one kick at a time. A limit is what is aimed at (pressure 0.2 % of
 :math:`\rho c_0^2`, compressibility 5 %, viscosity 2 %, sound speed 2.5 %) and five errors: a fluid
 that is within the aim fails once in 10⁶ runs.

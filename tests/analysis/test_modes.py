@@ -17,6 +17,7 @@ from particell.analysis.modes import (
     virial_pressure,
     waves_up_to,
 )
+from particell.cases.equilibrium_structure import kernel_transform
 from particell.kernels import CODES, kernel_code, normalisation, shape_w
 from systems import lattice_viscosity, periodic_lattice, unit_fluid
 
@@ -34,7 +35,7 @@ def summed(x: np.ndarray, edge: float, kernel: str, support: float) -> np.ndarra
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("kernel", ["lucy", "wendland-c2"])
 def test_the_virial_is_the_derivative_of_the_energy(dim, kernel):
-    """P = −dE/dV + n k_BT with E = Σ ρ_i²/2 (a pressure ρ²·(m ρ)/…: term P/ρ² = ρ_i)."""
+    """P = −dE/dV + n k_BT with E = Σ ρ_i²/2, whose derivative P/ρ² by ρ_i is ρ_i."""
     edge, support = 5.0, 2.1
     x = np.random.default_rng(1).uniform(0, edge, (40, dim))
     ones = np.ones(len(x))
@@ -97,7 +98,7 @@ def test_a_lattice_without_noise_decays_as_its_sum_says():
     # velocities at whole steps, and the first half step
     assert decay_rate(found, k).value == pytest.approx(rate, rel=2e-3)
     c, attenuation = sound(found, k, (5.0, 0.5))
-    assert c.value == pytest.approx(5.0, rel=0.03)  # W's transform: 2 % at this wave
+    assert c.value == pytest.approx(5.0 * kernel_transform(3 * k, "lucy", 2), rel=5e-3)
     assert attenuation.value == pytest.approx(0.5, rel=0.1)
 
 

@@ -30,6 +30,7 @@ FIGURES = {
     "poiseuille": "poiseuille-profiles",
     "rotating-cylinder": "rotating-cylinder-particles",
     "taylor-green": "taylor-green-speed",
+    "thermal-modes": "thermal-modes-modes",
     "turing": "turing-pattern",
     "yeast-channel": "yeast",
 }

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from particell.chemistry.species import Species
     from particell.compute.device import Device
     from particell.ensemble import Ensemble, EnsembleInterrupted, EnsembleRun
+    from particell.equilibrated import equilibrated
     from particell.errors import InputError, Interrupted, RunError
     from particell.geometry.domain import Domain
     from particell.geometry.fill import jittered, lattice, packed, rings
@@ -81,6 +82,7 @@ _HOME = {
     "TransportVelocity": "schemes.transport_velocity",
     "box_walls": "phases",
     "channel_walls": "phases",
+    "equilibrated": "equilibrated",
     "export_vtkhdf": "output.export",
     "fluid": "phases",
     "jittered": "geometry.fill",
@@ -126,6 +128,7 @@ __all__ = [
     "WallMotion",
     "box_walls",
     "channel_walls",
+    "equilibrated",
     "export_vtkhdf",
     "fluid",
     "jittered",

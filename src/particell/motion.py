@@ -276,6 +276,7 @@ class Forces:
         return {
             **simulation.neighbours.fields,
             **particles.fields,
+            "density_sum": simulation.solver.constants["density_sum"],  # type: ignore[union-attr]
             "content": particles["count" if whole else "amount"],
             "s": chemistry.column(force.species),
             "scale": 1.0 / (simulation.depth_factor * AVOGADRO) if whole else 1.0,

@@ -12,8 +12,6 @@ from particell.compute.neighbours import NeighbourList
 from particell.errors import InputError
 from particell.filling import check_filling
 from particell.geometry.domain import Domain
-from particell.geometry.fill import lattice
-from particell.kernels import kernel_code, normalisation, power, shape_w
 from particell.materials import Fluid
 from particell.particles import Group, Particles
 from particell.phases import Phase
@@ -200,16 +198,3 @@ def build_neighbours(
         uniform=bool(support.min() == support.max()),
         walls=bool(particles.host("is_wall").any()),
     )
-
-
-def lattice_sum(kernel: str, support: float, dim: int) -> float:
-    """Σ_j V W_ij on the infinite square (cubic) lattice, the particle itself included.
-
-    With the density summed, masses are divided by it so that the bulk has its reference density.
-    """
-    code = kernel_code(kernel)
-    reach = int(np.ceil(support))
-    cube = Domain([-reach - 0.5] * dim, [reach + 0.5] * dim)
-    r = np.linalg.norm(lattice(cube, 1.0), axis=1)
-    w = np.array([shape_w.py_func(q, code) for q in r / support])
-    return float(w.sum() * normalisation(code, dim) / power.py_func(support, dim))

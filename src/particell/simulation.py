@@ -37,7 +37,7 @@ from particell.phases import Phase
 from particell.restart import restore, state_of
 from particell.schemes.static import Static, StaticSolver
 from particell.schemes.timestep import check_number_of_steps
-from particell.setup import build_materials, build_neighbours, build_particles, lattice_sum
+from particell.setup import build_materials, build_neighbours, build_particles
 from particell.speeds import (
     Scheme,
     check_given_step,
@@ -139,9 +139,6 @@ class Simulation:
         self.particles = build_particles(
             self.device, domain, self.phases, index, scheme.support, self.static
         )
-        if scheme.density == "summation":
-            total = lattice_sum(scheme.kernel, scheme.support, dim)
-            self.particles.set("mass", self.particles.host("mass") / total)
         self.neighbours = build_neighbours(self.device, domain, self.particles, scheme.skin or 0.1)
         self.walls = Walls(self, boundaries)
         self.solver = scheme.solver(

@@ -10,6 +10,7 @@ from particell.chemistry.invariants import conserved_totals
 from particell.chemistry.listing import reaction_table, species_table
 from particell.phases import phase_table
 from particell.representation import block, table
+from particell.schemes.static import StaticSolver
 
 if TYPE_CHECKING:
     from particell.simulation import Simulation
@@ -138,8 +139,17 @@ def settings_of(simulation: Simulation) -> dict[str, Any]:
         "chemistry_every": simulation.chemistry_every,
         "sound_speed": [m.sound_speed for m in simulation.materials],
         "depth": simulation.depth,
-        "mass": "lattice sum" if scheme.density == "summation" else "density * volume",
+        **solver_settings(simulation),
     }
+
+
+def solver_settings(simulation: Simulation) -> dict[str, list[float]]:
+    """What summed densities are divided by, and P_c in Pa (:mod:`.summation`), by group."""
+    scheme, solver = simulation.scheme, simulation.solver
+    if scheme.density != "summation" or isinstance(solver, StaticSolver):
+        return {}
+    names = ("density_sum", "confinement")
+    return {name: simulation.device.to_host(solver.constants[name]).tolist() for name in names}
 
 
 def text_of(simulation: Simulation) -> str:

@@ -38,6 +38,7 @@ GROUPS = {
         "yeast-channel",
         "equilibrium-2d",
         "equilibrium-3d",
+        "thermal-modes",
     ),
     "stochastic": ("birth-death", "isomerisation", "turing", "min-oscillation"),
     "transport-velocity": (

@@ -10,7 +10,7 @@ from systems import UNIT_TEMPERATURE, channel, fluid_rows, periodic_lattice, uni
 
 
 @pytest.mark.parametrize(
-    ("side", "dim", "support", "steps"), [(16, 2, 3.0, 6000), (8, 3, 2.8, 5000)]
+    ("side", "dim", "support", "steps"), [(16, 2, 3.0, 24000), (8, 3, 2.8, 8000)]
 )
 def test_equipartition(side, dim, support, steps):
     """⟨½ m v²⟩ = (D/2) k_B T within 1 % at the automatic time step, and no drift of momentum.

@@ -76,6 +76,10 @@ CASES: dict[str, tuple[str, str]] = {
         "particell.cases.taylor_green:TaylorGreen",
         "Taylor–Green vortices decaying in a periodic square",
     ),
+    "thermal-modes": (
+        "particell.cases.thermal_modes:ThermalModes",
+        "A fluctuating fluid at rest: pressure, compressibility, viscosity, sound",
+    ),
     "turing": (
         "particell.cases.turing:Turing",
         "A Turing pattern of Schnakenberg's kinetics, with concentrations and with molecules",

@@ -84,6 +84,8 @@ def add_wall_head(
     crosses,
     period,
     inverse_period,
+    group,
+    density_sum,
     pressure,
     pressure_term,
     *,
@@ -107,4 +109,4 @@ def add_wall_head(
         total += w * density[j] * head * (scale * content[j, s] / volume[j] - reference)
     if weights > 0.0:
         pressure[i] += total / weights
-        pressure_term[i] = pressure[i] / (density[i] * density[i])
+        pressure_term[i] += total / weights / (density[i] * density[i] * density_sum[group[i]])

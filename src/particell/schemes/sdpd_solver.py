@@ -32,6 +32,7 @@ from particell.schemes import updates
 from particell.schemes.friction_limit import stiffest
 from particell.schemes.hydrostatics import RestPressure
 from particell.schemes.rates import MATTER, RECORD, batch_fields, pack, rates
+from particell.schemes.summation import discrete_fluids
 from particell.schemes.sweeps import summed_density, wall_pressure
 from particell.schemes.timestep import EXPLICIT
 
@@ -84,7 +85,8 @@ class SDPDSolver:
         self.n, self.dim = len(particles), domain.dim
         dim = self.dim
         by_group = [materials[g.material] for g in particles.groups]
-        friction = [self.friction(m, dim) for m in by_group]
+        discrete = discrete_fluids(scheme, particles, by_group, depth_factor)
+        friction = [self.friction(d.material, dim) for d in discrete]
         gravity = np.zeros(dim) if scheme.gravity is None else np.array(scheme.gravity, dtype=float)
         if gravity.shape != (dim,):
             raise InputError("gravity", scheme.gravity, f"{dim} numbers")
@@ -131,7 +133,7 @@ class SDPDSolver:
         equations = [
             (m.density, m.sound_speed, m.exponent, m.background_pressure) for m in by_group
         ]
-        sound_speeds = np.array([m.sound_speed for m in by_group], dtype=float)
+        sound_speeds = np.array([d.material.sound_speed for d in discrete], dtype=float)
         self.constants = {
             "alpha": normalisation(code, dim),
             "transverse": array(np.array([f[0] for f in friction])),
@@ -153,6 +155,8 @@ class SDPDSolver:
             "shift_sound": array(SOUND / sound_speeds),
             "shift_friction": array(np.array([friction_time(m) for m in by_group])),
             "background": array(np.array([m.background_pressure for m in by_group])),
+            "density_sum": array(np.array([d.density_sum for d in discrete])),
+            "confinement": array(np.array([d.confinement for d in discrete])),
         }
         kinds = zip(friction, self.thermal.tolist(), particles.groups, strict=True)
         pairings = {(f, thermal) for f, thermal, g in kinds if g.kind == "fluid"}

@@ -24,13 +24,18 @@ def summed_density(
     period,
     inverse_period,
     alpha,
+    group,
+    density_sum,
     density,
     *,
     DIM,
     KERNEL,
     UNIFORM,
 ):
-    """ρ_i = Σ_j m_j W_ij over all neighbours, particle i itself included; walls keep theirs."""
+    """ρ_i = Σ_j m_j W_ij/s over all neighbours, particle i itself included; walls keep theirs.
+
+    s is ``density_sum`` of the particle's group (:mod:`particell.schemes.summation`).
+    """
     if is_wall[i]:
         return
     hi = support[i]
@@ -50,7 +55,7 @@ def summed_density(
         else:
             h = 0.5 * (hi + support[j])
             total += mass[j] * alpha / power(h, DIM) * shape_w(r / h, KERNEL)
-    density[i] = total
+    density[i] = total / density_sum[group[i]]
 
 
 @particle_loop
@@ -69,6 +74,8 @@ def wall_pressure(
     inverse_period,
     gravity,
     background,
+    density_sum,
+    confinement,
     group,
     wall_acceleration,
     rest_axis,
@@ -112,4 +119,5 @@ def wall_pressure(
         rest = rest_pressure_at(own_height, rest_axis[DIM + 2], rest_weight, rest_pressure)
         value = rest + total / weights
     pressure[i] = value
-    pressure_term[i] = value / (density[i] * density[i])
+    g = group[i]
+    pressure_term[i] = (value + confinement[g]) / (density[i] * density[i] * density_sum[g])

@@ -110,11 +110,17 @@ def equation_of_state(
     sound_speed,
     exponent,
     background,
+    density_sum,
+    confinement,
     pressure,
     pressure_term,
     volume,
 ):
-    """ρ += dt dρ/dt, then pressure, P/ρ² and volume; walls get their pressure from the fluid."""
+    """ρ += dt dρ/dt, then pressure, P/ρ² and volume; walls get their pressure from the fluid.
+
+    With ρ summed the term is (P + P_c)/(s ρ²) (:mod:`particell.schemes.summation`), with
+    ``density_sum`` s and ``confinement`` P_c.
+    """
     if is_wall[i]:
         return
     rho = density[i] + dt * density_rate[i]
@@ -122,7 +128,7 @@ def equation_of_state(
     p = pressure_of(rho, reference[g], sound_speed[g], exponent[g], background[g])
     density[i] = rho
     pressure[i] = p
-    pressure_term[i] = p / (rho * rho)
+    pressure_term[i] = (p + confinement[g]) / (rho * rho * density_sum[g])
     volume[i] = mass[i] / rho
 
 

@@ -118,7 +118,7 @@ def test_pressure_keeps_angular_momentum(dim):
     random = np.random.default_rng(2)
     domain = Domain((0,) * dim, (8,) * dim, depth=1.0)
     points = random.uniform(2, 6, (60, dim))
-    phase = Phase("fluid", unit_fluid(viscosity=0.0), points, 1.0)
+    phase = Phase("fluid", unit_fluid(viscosity=0.0), points, 4**dim / 60)
     simulation = Simulation(domain, phase, SDPD(density_diffusion=0.0), dt=0.01)
     simulation.particles.set("density", random.uniform(0.9, 1.1, 60))
     simulation.start()

@@ -207,7 +207,8 @@ def test_networks(tmp_path):
     refused("species in molecules in sbml #1", "'E'", sbml=[{**network, "molecules": ["EX"]}])
     refused("compartment", "'cell'", sbml=[{**network, "only_in": {"sell": "fluid"}}])
     refused("compartment in volumes", "'cell'", sbml=[{**network, "volumes": {"sell": "1 um^3"}}])
-    refused("volume of compartment", "'micrometer'", sbml=[{**network, "volumes": {"cell": "1 um"}}])
+    length = {**network, "volumes": {"cell": "1 um"}}
+    refused("volume of compartment", "'micrometer'", sbml=[length])
     refused("group", "'fluid'", sbml=[{**network, "only_in": {"cell": "fluit"}}], **rest)
     slow = {"S": {"fluit": 1}}
     refused("diffusivity of S", "'fluid'", sbml=[{**network, "diffusivity": slow}], **rest)

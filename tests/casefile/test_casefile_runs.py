@@ -232,6 +232,12 @@ def test_check_times_and_counts(tmp_path, capsys, monkeypatch):
     assert call(["check", str(path)]) == 0
     words = capsys.readouterr().out
     assert "about 112 (fluid 64, wall 48)" in words and "not built" in words
+    pytest.importorskip("libsbml")
+    enzyme = Path(__file__).parents[2] / "examples" / "enzyme.xml"
+    network = {"path": str(enzyme), "units": {"time": "h"}}
+    path.write_text(document(content | {"sbml": [network]}))
+    assert call(["check", str(path)]) == 0
+    assert "note:      units: 'h' for time is not used" in capsys.readouterr().out
 
 
 def test_schema(capsys):

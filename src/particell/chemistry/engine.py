@@ -256,7 +256,7 @@ class Chemistry(Contents):
         tau
             In s.
         time
-            At the end of the step in s, for messages and for laws that depend on it.
+            At the end of the step in s, for messages and for laws that depend on it (0 for NaN).
 
         Raises
         ------
@@ -264,7 +264,7 @@ class Chemistry(Contents):
             Where reactions are too fast to be computed, naming a particle.
         """
         self._bind()
-        self._time, begin = time, time - tau
+        self._time, begin = time, time - tau if time == time else 0.0
         n = self.particles.n
         for numbers in self._thresholds:
             self._switch_kind(n, *numbers, step_index)

@@ -19,7 +19,7 @@ Water at rest, starting without any motion on a lattice. The noise heats it unti
 
 Equilibrium does not depend on the time step; with ``dt_factor`` 0.5 and 0.25 the temperature and
 the variance of density stay what they are (``tests/physics/test_equilibrium_time_step.py``; with
-40² particles the variance is 4.92(2)e-4, and 4.87(5)e-4 at a quarter of the time step).
+40² particles the variance is 3.97(2)e-4).
 
 The arrangement forgets its lattice within some 1000 h²ρ/η, long after the velocities. In three
 dimensions the variance of density still wanders with it by 10 % over a default run, more than its

@@ -13,16 +13,15 @@ Water at rest, starting without any motion on a lattice. The noise heats it unti
 
   with Ŵ the transform of the kernel: the energy is that of the summed density. This is the
   mean-field result for the free energy :math:`\frac12 c_0^2 (W*\rho)^2/\rho_0` plus the ideal
-  gas's. It knows nothing of how particles arrange themselves, so it is a guide and not a limit:
-  measured over predicted is 1.3 ± 0.1 in two dimensions and 1.05 ± 0.05 in three, at the default
-  sizes (our guess: a liquid is softer than smeared-out mass, since a particle's own part of its
-  summed density does not change when the liquid is compressed).
+  gas's. It knows nothing of how particles arrange themselves, so it is a guide and not a limit;
+  :mod:`particell.cases.thermal_modes` measures the compressibility with care. (Particles alone
+  make a softer liquid than smeared-out mass; :mod:`particell.schemes.summation` allows for it.)
 
 Equilibrium does not depend on the time step; with ``dt_factor`` 0.5 and 0.25 the temperature and
 the variance of density stay what they are (``tests/physics/test_equilibrium_time_step.py``; with
-40² particles the variance is 4.92(2)e-4, and 4.87(5)e-4 at a quarter of the time step).
+40² particles the variance is 3.97(2)e-4).
 
-The arrangement forgets its lattice within some 100 h²ρ/η, long after the velocities. In three
+The arrangement forgets its lattice within some 1000 h²ρ/η, long after the velocities. In three
 dimensions the variance of density still wanders with it by 10 % over a default run, more than its
 printed standard error says: run longer (``samples``) where that number matters.
 

@@ -8,7 +8,8 @@ T and the (isothermal) sound speed :math:`c_0`; measured is what the particles m
 - the **compressibility** from the density's fluctuations: the structure factor
   :math:`S(k) = \langle|\sum_i e^{-ik\cdot x_i}|^2\rangle/N` of the longest waves,
   :math:`1/S = a + bk^2`, gives :math:`S(0) = 1/a`, which is :math:`k_BT/(m c_0^2)`;
-- the **viscosity**, from the decay :math:`e^{-\nu k^2t}` of transverse waves;
+- the **viscosity**, from the decay :math:`e^{-\nu k^2t}` of transverse waves (what the kernel and
+  the time step make of it at the wave's length, is divided out: 0.1 % in 2D, 3 % in 3D);
 - **sound speed** and **attenuation**, from longitudinal waves,
   :math:`\ddot u + \nu_l k^2\dot u + c_0^2k^2u = 0` with
   :math:`\nu_l = [2\eta(1 - 1/D) + \zeta]/\rho`.
@@ -43,6 +44,7 @@ from particell.analysis.modes import (
     Estimate,
     Responses,
     decay_rate,
+    friction_transform,
     jackknife,
     responses,
     sound,
@@ -205,7 +207,7 @@ class ThermalModes(Case):
                 PRESSURE,
             ),
             "compressibility": (scaled(compressibility, ideal), 1.0, COMPRESSIBILITY),
-            "viscosity": (scaled(decay, expected[0] * k * k), 1.0, VISCOSITY),
+            "viscosity": (scaled(decay, self.decay_asked(k, simulation.dt)), 1.0, VISCOSITY),
             "sound_speed": (scaled(speed, material.sound_speed), 1.0, SOUND),
             "attenuation": (scaled(attenuation, expected[1]), 1.0, None),
         }
@@ -221,6 +223,16 @@ class ThermalModes(Case):
         hot = 2 * energy / (BOLTZMANN * freedom * self.temperature)
         metrics["temperature_deviation"] = Metric(float(hot) - 1)
         return metrics
+
+    def decay_asked(self, k: float, dt: float) -> float:
+        """Rate in 1/s of a transverse wave: ν k², with what the kernel and the time step make of it.
+
+        Both are known: the transform of the friction (here for ζ = 0), and 1 − ν k² dt a step.
+        """
+        rate = self.viscosity / self.density * k * k
+        length = self.support * self.spacing
+        seen = rate * friction_transform(k * length, self.kernel, self.dimensions)
+        return seen * -math.log1p(-rate * dt) / (rate * dt)
 
     @property
     def longitudinal_viscosity(self) -> float:

@@ -29,7 +29,8 @@ known as ever. In it
 s, K, f and g depend on the kernel, its support in spacings, the dimension and
 :math:`\theta = k_BT/(m c_p^2)` alone. They were measured (``docs/fluctuating_table.py``), once and
 for all fluids, in periodic boxes with γ = 7. Between the table's supports and strengths they are
-interpolated; outside, those of the nearest hold. In one dimension s is the lattice's.
+interpolated; outside, those of the nearest hold, and for a kernel that the table has not, Lucy's.
+In one dimension s is the lattice's.
 
 Without noise particles stay where a lattice or a packing has put them: there s is the sum of the
 kernel over the square (cubic) lattice, and nothing else is changed.

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from particell.compute.device import Device
     from particell.ensemble import Ensemble, EnsembleInterrupted, EnsembleRun
     from particell.equilibrated import equilibrated
-    from particell.errors import InputError, Interrupted, RunError
+    from particell.errors import InputError, Interrupted, LawWarning, RunError
     from particell.geometry.domain import Domain
     from particell.geometry.fill import jittered, lattice, packed, rings
     from particell.geometry.shapes import Ball, Box, Circle, HalfSpace, Sphere
@@ -62,6 +62,7 @@ _HOME = {
     "HalfSpace": "geometry.shapes",
     "InputError": "errors",
     "Interrupted": "errors",
+    "LawWarning": "errors",
     "Phase": "phases",
     "Reaction": "chemistry.reactions",
     "Reflection": "boundaries.reflection",
@@ -109,6 +110,7 @@ __all__ = [
     "HalfSpace",
     "InputError",
     "Interrupted",
+    "LawWarning",
     "MeanVelocity",
     "Phase",
     "Reaction",

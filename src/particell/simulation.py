@@ -82,7 +82,8 @@ class Simulation:
     device
         Where to compute; CPU and float64 by default.
     normalise_diffusion
-        Divide the diffusion of species by the kernel sum: exact on every lattice.
+        Divide the diffusion of species by its second moments over the neighbours that carry them:
+        exact on every lattice, along membranes and beside walls (:mod:`particell.laws.carriers`).
     splitting
         Of diffusion and reactions: ``"lie"`` (first order) or ``"strang"`` (second order, with two
         evaluations of the diffusion of concentrations a step).
@@ -109,7 +110,7 @@ class Simulation:
         seed: int = 1,
         dt: float | str = "auto",
         device: Device | None = None,
-        normalise_diffusion: bool = False,
+        normalise_diffusion: bool = True,
         splitting: str = "lie",
     ):
         if dt != "auto" and not (isinstance(dt, int | float) and dt > 0):

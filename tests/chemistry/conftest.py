@@ -76,6 +76,7 @@ class Lattice:
         Chemistry.add_fields(particles, species)
         neighbours.build(particles)
         options.setdefault("depth", self.depth ** (3 - self.dim))
+        options.setdefault("normalise", False)
         return Chemistry(device, particles, neighbours, species, reactions, boundaries, **options)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from particell.chemistry import fluxes, jumps, massaction, reservoirs, ssa
 from particell.chemistry.contents import Contents
+from particell.chemistry.exchange import exchanges, weight_fields
 from particell.chemistry.network import Boundaries, build_tables, dispatcher
 from particell.chemistry.reactions import Reaction
 from particell.chemistry.reservoirs import HELD, WALL_FLUX, WALL_VALUE, FluxWall
@@ -61,7 +62,8 @@ class Chemistry(Contents):
     seed
         Seed of all random numbers.
     normalise
-        Divide the diffusion of each pair by the mean kernel sum (symmetric).
+        Make the moments of the pairs' weights right over the neighbours that carry a species
+        (:mod:`particell.laws.carriers`), or leave the weights as they are.
     depth
         Extent of the dimensions that are not simulated, in m (2D) or m² (1D): a particle of
         volume V holds C V depth 𝒩 molecules. Amounts are in mol per depth.
@@ -76,6 +78,8 @@ class Chemistry(Contents):
         What there is, by name, and what it does.
     jumps, events
         Diffusive jumps and stochastic reaction events so far.
+    divisions
+        Explicit steps that the diffusion of concentrations took in the last step.
     substeps
         Largest number of sub-steps of a particle's deterministic reactions in the last step.
     binomial_cost
@@ -98,7 +102,7 @@ class Chemistry(Contents):
         boundaries: Boundaries = (),
         kernel: str = "wendland-c2",
         seed: int = 0,
-        normalise: bool = False,
+        normalise: bool = True,
         depth: float = 1.0,
         splitting: str = "lie",
         at_rest: bool = False,
@@ -112,7 +116,7 @@ class Chemistry(Contents):
         self.neighbours, self.splitting = neighbours, splitting
         self.reactions = list(reactions)
         self.normalise, self.binomial_cost = normalise, jumps.BINOMIAL_COST
-        self.jumps = self.events = self.substeps = 0
+        self.jumps = self.events = self.substeps = self.divisions = 0
         code, dim = kernel_code(kernel), particles.dim
         uniform = bool(neighbours.constants["UNIFORM"])
         self._shape: dict[str, Any] = {
@@ -133,10 +137,10 @@ class Chemistry(Contents):
         self._pair = {"DIM": dim, "SURFACE": surface, "FLUX": flux, **self._switch}
         strang = splitting == "strang"
         self._fields = scratch_fields(
-            device, particles, self.deterministic, self.stochastic, surface, flux, strang, normalise
+            device, particles, self.deterministic, self.stochastic, surface, flux, strang
         )
         self._fields.update(
-            **diffusion.slope_fields(device, particles.n, uniform),
+            **weight_fields(device, particles.n, dim, uniform, normalise),
             alpha=normalisation(code, dim),
             depth=self.depth,
             quantum=1 / (self.depth * AVOGADRO),
@@ -149,9 +153,8 @@ class Chemistry(Contents):
         self._jump_tables = shared_jump_tables(device, self.stochastic, receives)
         walls = [b for b in boundaries if isinstance(b, FluxWall)]
         self._areas = fluxes.wall_areas(particles, neighbours.domain, walls, self.depth)
-        self._scale = np.zeros(len(particles.groups))
-        self._exchanging = bool(
-            len(self.deterministic.diffusing) or self._jump_tables or self._areas
+        self._exchanges, self._exchange_of = exchanges(
+            device, particles.n, self.deterministic, self.stochastic, receives, normalise
         )
         self._laws = {
             "C, k": dispatcher(self.deterministic.laws, "C, k"),
@@ -268,30 +271,35 @@ class Chemistry(Contents):
             return
         if self._switching:
             self._prepare(n)
-        if not heun:
-            self._exchange(n, tau)
-            return
-        self._remember(n)
-        self._exchange(n, tau)
+        fastest = max(each.rate for each in self._exchanges)
+        self.divisions = max(1, math.ceil(0.5 * tau * fastest * (1 - 1e-12)))
+        for part in range(self.divisions):
+            if part > 0:
+                self._prepare_again(n)
+            self._exchange_amounts(n, tau / self.divisions, heun)
+
+    def _exchange_amounts(self, n: int, tau: float, heun: bool) -> None:
+        """One step of the diffusion of concentrations, by Euler's or Heun's method."""
+        if heun:
+            self._remember(n)
+        for each in self._exchanges:
+            each.diffuse(n, tau)
+        if heun:
+            self._prepare_again(n)
+            for each in self._exchanges:
+                each.diffuse(n, tau)
+            self._average(n)
+
+    def _prepare_again(self, n: int) -> None:
         if self._reservoirs:
             self._hold_amounts(n)
         self._prepare(n)
-        self._exchange(n, tau)
-        self._average(n)
 
     def _measure(self, n: int) -> None:
-        """What diffusion needs of the particles' places: kernel sums, weights, areas of walls."""
+        """What diffusion needs of the particles' places: weights of pairs, areas of walls."""
         self._measured = self._at_rest
-        if not self._exchanging:
-            return
-        self._pair_slopes(n)
-        self._exchange_weights(n)
-        for g, area in self._areas.items():
-            self._facing_area(n, g)
-            total = self._reduction.sum(self._fields["facing"].reshape(n, 1))[0]
-            self._scale[g] = area / total if total > 0 else 0.0
-        if self._areas:
-            self.device.write(self._fields["wall_scale"], self._scale)
+        for each in self._exchanges:
+            each.measure(n, self._areas)
 
     def _hold(self, step: int) -> None:
         if self._reservoirs:
@@ -338,7 +346,6 @@ class Chemistry(Contents):
             return
         self._rows, self._measured, self._rated = rows, False, False
         f = self._fields
-        f["exchange"] = self.device.zeros(len(rows) if self._exchanging else 1, np.float64)
         if self._jump_tables:
             f["cumulative"] = self.device.zeros(len(rows), np.float32)
         common = {**self.neighbours.fields, **self.particles.fields, **f}
@@ -354,11 +361,8 @@ class Chemistry(Contents):
         bind = self.device.bind
         columns = len(self.deterministic.names)
         self._prepare = bind(prepare, amounts, COLUMNS=columns)
-        kept = {"SUM": self.normalise, "KEEP": True}
-        self._pair_slopes = bind(diffusion.pair_slopes, amounts, **self._shape, **kept)
-        self._exchange_weights = bind(diffusion.exchange_weights, amounts, NORMALISE=self.normalise)
-        self._facing_area = bind(fluxes.facing_area, amounts, DIM=self.particles.dim)
-        self._exchange = bind(diffusion.diffuse, amounts, **self._pair)
+        for each in self._exchanges:
+            each.bind(amounts, len(self._rows), self._shape, self._pair, self.normalise)
         self._remember = bind(remember, amounts, COLUMNS=columns)
         self._average = bind(average, amounts, COLUMNS=columns)
         self._hold_amounts = bind(reservoirs.hold_amounts, amounts)
@@ -369,7 +373,14 @@ class Chemistry(Contents):
         jumping = self._with_key(counts, JUMP)
         partner = self.stochastic.partner
         self._walks = [
-            Walks(self.device, {**jumping, **t}, self._pair, columns, partner, self._open_ended)
+            Walks(
+                self.device,
+                {**jumping, **self._exchange_of[columns[0]].fields, **t},
+                self._pair,
+                columns,
+                partner,
+                self._open_ended,
+            )
             for t, columns in self._jump_tables
         ]
 

@@ -51,7 +51,6 @@ def scratch_fields(
     surface: bool,
     flux: bool,
     strang: bool,
-    normalise: bool,
 ) -> dict[str, Any]:
     """Work arrays, no larger than what the species need."""
     zeros, n = device.zeros, particles.n
@@ -61,8 +60,6 @@ def scratch_fields(
     fields: dict[str, Any] = {
         "volume": zeros(n, np.float64),
         "facing": zeros(n if flux else 1, np.float64),
-        "wall_scale": zeros(len(particles.groups), np.float64),
-        "kernel_sum": zeros(n if normalise else 1, np.float64),
         "concentration": zeros((n if columns else 1, max(columns, 1)), np.float64),
         "amount_before": zeros((n if strang and columns else 1, max(columns, 1)), np.float64),
         "booked_before": zeros((n if strang and columns else 1, max(columns, 1)), np.float64),

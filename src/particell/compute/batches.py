@@ -40,13 +40,19 @@ def batch_size(device: Device) -> int:
     return BATCH if device.backend == "cpu" else 1
 
 
+def batch_rows(device: Device, n: int) -> int:
+    """Rows of a buffer for n particles: one for each thread, or for each particle on a GPU."""
+    return max(1, min(n, available_threads()) if device.backend == "cpu" else n)
+
+
 def batch_buffer(device: Device, n: int, width: int = 1, dtype: type | None = None):
     """A buffer for batches of n particles with ``width`` numbers for each pair.
 
     One-dimensional, with ``batch_size(device)`` pairs a row; of one number where n is 0.
     """
-    rows = min(n, available_threads()) if device.backend == "cpu" else n
-    return device.zeros(max(1, rows * batch_size(device) * width), dtype)
+    if n == 0:
+        return device.zeros(1, dtype)
+    return device.zeros(batch_rows(device, n) * batch_size(device) * width, dtype)
 
 
 @njit

@@ -177,17 +177,6 @@ def pair_slopes(
 
 
 @particle_loop
-def exchange_weights(i, volume, kernel_sum, start, stop, neighbours, exchange, *, NORMALISE):
-    """2 V_i V_j F_ij s_ij along row i, where ``exchange`` holds F_ij."""
-    for k in range(start[i], stop[i]):
-        j = neighbours[k]
-        weight = 2.0 * volume[i] * volume[j] * exchange[k]
-        if NORMALISE:
-            weight *= 2.0 / (kernel_sum[i] + kernel_sum[j])
-        exchange[k] = weight
-
-
-@particle_loop
 def diffuse(
     i,
     x,
@@ -225,7 +214,7 @@ def diffuse(
 ):
     """Exchange of all diffusing species (``columns``) during tau; see the module's docstring.
 
-    ``exchange`` holds the :func:`exchange_weights`, ``pair_kappa`` (G, G, S) the mean diffusivity
+    ``exchange`` holds 2 V_i V_j F_ij s_ij, ``pair_kappa`` (G, G, S) the mean diffusivity
     of a pair of groups. What comes through surfaces is booked by the fluid particle. With
     ``SWITCH`` particles that hold molecules of a species (``continuous`` of its column
     ``partner``) are left to their jumps.

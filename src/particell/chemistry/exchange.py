@@ -1,0 +1,163 @@
+"""What particles exchange by diffusion: the weights of pairs, one set for each kind of carriers.
+
+Species that the same groups carry share the weights of :mod:`particell.laws.carriers`; without
+normalisation all species do. Explicit exchange of concentrations is stable during tau if no
+eigenvalue is beyond 2/tau; they are bounded by the largest row of the weights in use (Gershgorin),
+with walls and edges as they are, and longer steps are divided.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from particell.chemistry import fluxes
+from particell.chemistry.network import Tables
+from particell.chemistry.reservoirs import FREE, HELD, WALL_FLUX, WALL_VALUE
+from particell.compute.device import Device
+from particell.compute.reduce import Reduction
+from particell.laws import carriers as law
+from particell.laws import diffusion
+
+
+def carrier_codes(tables: Tables, receives: np.ndarray) -> np.ndarray:
+    """uint8 (G, G, S): what the second group is to a species in the first one.
+
+    ``receives`` (G,) tells which groups take what comes through walls. Pairs of groups of which
+    one has no diffusivity are apart; where neither has, they are carriers for what a wall brings.
+    """
+    status, moves = tables.status, tables.diffusivity > 0
+    inside = tables.present & ((status == FREE) | (status == HELD))
+    taking = tables.present & receives[:, None]
+    flux = status == WALL_FLUX
+    rests = inside & ~moves & (taking & flux.any(axis=0))
+    moves &= inside
+    code = np.zeros((len(status), *status.shape), np.uint8)
+    for holds in (moves, rests):
+        code[holds[:, None, :] & holds[None, :, :]] = law.CARRIES
+    code[moves[:, None, :] & (status == WALL_VALUE)[None, :, :]] = law.SURFACE_OF
+    code[taking[:, None, :] & flux[None, :, :]] = law.SURFACE_OF
+    return code
+
+
+def weight_fields(device: Device, n: int, dim: int, uniform: bool, normalise: bool) -> dict:
+    """Arrays that all sets of weights use one after the other."""
+    if normalise:
+        made = law.tensor_fields(device, n, dim, uniform)
+    else:
+        made = {**diffusion.slope_fields(device, n, uniform), "tensor": device.zeros((1, 1))}
+        made["kernel_sum"] = device.zeros(1)
+    made["row_rate"] = device.zeros(n, np.float64)
+    made["negative"] = device.zeros(n, np.int64)
+    return made
+
+
+class Exchange:
+    """The weights for the species with the same carriers.
+
+    Parameters
+    ----------
+    device
+        Where loops run.
+    codes
+        uint8 (G, G), see :func:`carrier_codes`.
+    n
+        Number of particles.
+
+    Attributes
+    ----------
+    amounts
+        Columns of the concentrations that diffuse with these weights.
+    fastest
+        Their largest diffusivity in m²/s.
+    rate
+        No eigenvalue of their exchange is beyond this, in 1/s.
+    """
+
+    def __init__(self, device: Device, codes: np.ndarray, n: int):
+        self.device = device
+        self.amounts: list[int] = []
+        self.fastest = self.rate = 0.0
+        self.fields: dict[str, Any] = {
+            "carriers": device.array(codes),
+            "wall_scale": device.zeros(len(codes), np.float64),
+        }
+        self._scale = np.zeros(len(codes))
+        self._reduction = Reduction(device)
+
+    def bind(
+        self,
+        fields: Mapping[str, Any],
+        pairs: int,
+        shape: dict[str, Any],
+        constants: dict[str, Any],
+        normalise: bool,
+    ) -> None:
+        """Look up the loops' arrays for a neighbour list with room for ``pairs``."""
+        bind, dim = self.device.bind, shape["DIM"]
+        self.fields["exchange"] = self.device.zeros(pairs, np.float64)
+        columns = self.device.array(np.array(self.amounts, np.int64))
+        self._all = f = {**fields, **self.fields, "columns": columns}
+        if normalise:
+            self._slopes = bind(law.carrier_tensors, f, **shape)
+        else:
+            self._slopes = bind(diffusion.pair_slopes, f, **shape, SUM=False, KEEP=True)
+        weights = {"DIM": dim, "NORMALISE": normalise, "SURFACE": self._has_surface(constants)}
+        self._weights = bind(law.carrier_weights, f, **weights)
+        self._facing = bind(fluxes.facing_area, f, DIM=dim)
+        self._diffuse = bind(diffusion.diffuse, f, **constants)
+
+    @staticmethod
+    def _has_surface(constants: dict[str, Any]) -> bool:
+        return bool(constants["SURFACE"] or constants["FLUX"])
+
+    def measure(self, n: int, areas: Mapping[int, float]) -> None:
+        """The weights of n particles where they are now, and the shares of walls with a flux."""
+        self._slopes(n)
+        self._weights(n)
+        for g, area in areas.items():
+            self._facing(n, g)
+            total = self._reduction.sum(self._all["facing"].reshape(n, 1))[0]
+            self._scale[g] = area / total if total > 0 else 0.0
+        if areas:
+            self.device.write(self.fields["wall_scale"], self._scale)
+        if self.amounts:
+            largest = self._reduction.max(self._all["row_rate"])
+            self.rate = self.fastest * largest * max(1.0, self._scale.max())
+
+    def diffuse(self, n: int, tau: float) -> None:
+        """One explicit step of the concentrations."""
+        if self.amounts:
+            self._diffuse(n, tau)
+
+
+def exchanges(
+    device: Device,
+    n: int,
+    deterministic: Tables,
+    stochastic: Tables,
+    receives: np.ndarray,
+    normalise: bool,
+) -> tuple[list[Exchange], dict[int, Exchange]]:
+    """All sets of weights, and that of each diffusing species of molecules by its column."""
+    found: dict[bytes, Exchange] = {}
+    of_molecules: dict[int, Exchange] = {}
+    kinds = [(tables, carrier_codes(tables, receives)) for tables in (deterministic, stochastic)]
+    used = [codes[:, :, s] for tables, codes in kinds for s in tables.diffusing]
+    if used and not normalise:
+        joint = np.max(used, axis=0)
+        kinds = [(t, np.repeat(joint[:, :, None], len(t.names), axis=2)) for t, _ in kinds]
+    for tables, codes in kinds:
+        for s in tables.diffusing:
+            code = np.ascontiguousarray(codes[:, :, s])
+            if code.tobytes() not in found:
+                found[code.tobytes()] = Exchange(device, code, n)
+            one = found[code.tobytes()]
+            if tables is deterministic:
+                one.amounts.append(int(s))
+                one.fastest = max(one.fastest, float(tables.pair_diffusivity[:, :, s].max()))
+            else:
+                of_molecules[int(s)] = one
+    return list(found.values()), of_molecules

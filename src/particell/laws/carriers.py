@@ -1,0 +1,478 @@
+r"""Weights of diffusion that know which neighbours carry the species.
+
+What a pair exchanges is multiplied by
+
+.. math:: s_{ij} = \max\left(0, \tfrac12\, e\cdot(\Lambda_i + \Lambda_j)\cdot e\right),
+    \qquad e = x_{ij}/r_{ij},
+
+symmetric, so that amounts are conserved and molecules keep detailed balance. The tensor Λ makes
+the second moments of the weights right over the *carriers*, the neighbours that hold the species
+and diffuse it,
+
+.. math:: \sum_j V_j F_{ij}\,(e\cdot\Lambda_i\cdot e)\, x_{ij} x_{ij}^T = T_i .
+
+In the bulk T is the unit tensor and :math:`\sum_i V_i` of the moments, which bounds the effective
+diffusivity from above, is exact whatever the arrangement; on lattices Λ is 1 over the kernel sum
+:math:`\frac1D\sum_j V_jF_{ij}r_{ij}^2`. Where carriers are missing:
+
+*Directions that are not carried.* T is the projector on the eigenvectors of
+:math:`M = \sum_j V_jF_{ij}x_{ij}x_{ij}^T` with eigenvalues above :data:`LEAST` tr M: the tangents
+of a single layer (d = 2), of a thread (d = 1). Distances along it are the chords r, which are
+nearer to arcs than their projections are.
+
+*Open edges.* With nobody on one side, half of the bonds along the normal are missing, and half of
+the moment is right: the other half would belong to what is beyond. With the normal n along
+:math:`\sum_jV_jF_{ij}x_{ij}` and :math:`p = x_{ij}\cdot n`,
+
+.. math:: T = \Pi - \tfrac12 u^4\, n n^T, \qquad
+    u = \sum_j V_jF_{ij}\,p|p| \Big/ \sum_j V_jF_{ij}\,p^2 ,
+
+u is 1 at the edge; the power keeps the noise of disordered particles out.
+
+The equation is solved in the orthonormal components of symmetric tensors, where
+:math:`P = \sum_j V_jF_{ij}r_{ij}^2\,(ee)(ee)^T` is symmetric and not negative. From
+:math:`\Lambda = (\mathrm{tr}\,T/\mathrm{tr}\,M)\,I` two steps of iterated Tikhonov regularisation
+follow, with the shift :data:`SHIFT` tr P: they leave alone what hardly any neighbour determines
+(for nearest neighbours on a square lattice, the shear) and depend smoothly on the places.
+
+At a wall with a value or a flux the wall's particles are carriers too, as their exchange is
+extrapolated; as they have no amounts the factor of such a pair is that of the fluid's own Λ.
+
+Symmetric weights cannot in general be exact for linear profiles on disordered particles; what that
+costs is measured in the gallery (effective-diffusivity).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from particell.compute.batches import batch_buffer, batch_row, batch_rows
+from particell.compute.device import Device
+from particell.compute.loop import FASTMATH, particle_loop
+from particell.kernels import power, shape_f
+from particell.laws.diffusion import surface_factor
+from particell.laws.pairs import image_offset
+
+#: A direction with less than this part of tr M is not carried.
+LEAST = 0.1
+#: Regularisation, in tr P. The error that is left is (SHIFT/σ)² of what is to be corrected, with σ
+#: the eigenvalue over tr P, about 1/4 in planes.
+SHIFT = 0.05
+#: What a group is to the species of another one.
+APART, CARRIES, SURFACE_OF = 0, 1, 2
+#: First moments smaller than this, in tr M/(D h), are noise: u⁴ is below 0.001.
+NOISE = 0.2
+_SQRT2 = math.sqrt(2.0)
+_SWEEPS = 6
+
+
+def components(dim: int) -> int:
+    """Independent components of a symmetric tensor."""
+    return dim * (dim + 1) // 2
+
+
+def work_width(dim: int) -> int:
+    """Numbers of a row of ``moments``: P by its lower triangle, a right-hand side, first moments."""
+    number = components(dim)
+    return number * (number + 1) // 2 + number + dim
+
+
+def tensor_fields(device: Device, n: int, dim: int, uniform: bool) -> dict[str, Any]:
+    """Arrays that :func:`carrier_tensors` and :func:`carrier_weights` need besides the pairs'."""
+    return {
+        "tensor": device.zeros((n, components(dim)), np.float64),
+        "moments": device.zeros(batch_rows(device, n) * work_width(dim), np.float64),
+        "near_offset": batch_buffer(device, n, dim, np.float64),
+        "near_product": batch_buffer(device, n, components(dim), np.float64),
+        "near_square": batch_buffer(device, n, 1, np.float64),
+        "near_volume": batch_buffer(device, n, 1, np.float64),
+        "near_reach": batch_buffer(device, 0 if uniform else n, 1, np.float64),
+    }
+
+
+@njit(error_model="numpy", fastmath=FASTMATH)
+def turn(one, other, mixed):
+    """Cosine, sine and tangent of the Jacobi rotation that makes ``mixed`` vanish."""
+    if mixed == 0.0:
+        return 1.0, 0.0, 0.0
+    half = 0.5 * (other - one) / mixed
+    t = 1.0 / (abs(half) + math.sqrt(half * half + 1.0))
+    if half < 0.0:
+        t = -t
+    c = 1.0 / math.sqrt(t * t + 1.0)
+    return c, t * c, t
+
+
+@njit(error_model="numpy", fastmath=FASTMATH)
+def carried(xx, yy, zz, xy, yz, zx, least):
+    """Projector on the eigenvectors of a symmetric tensor whose eigenvalues are above ``least``.
+
+    By Jacobi's rotations. The order of components is that of the arguments.
+    """
+    ax, ay, az = 1.0, 0.0, 0.0
+    bx, by, bz = 0.0, 1.0, 0.0
+    cx, cy, cz = 0.0, 0.0, 1.0
+    for _ in range(_SWEEPS):
+        c, s, t = turn(xx, yy, xy)
+        xx, yy, xy = xx - t * xy, yy + t * xy, 0.0
+        zx, yz = c * zx - s * yz, s * zx + c * yz
+        ax, bx = c * ax - s * bx, s * ax + c * bx
+        ay, by = c * ay - s * by, s * ay + c * by
+        az, bz = c * az - s * bz, s * az + c * bz
+        c, s, t = turn(yy, zz, yz)
+        yy, zz, yz = yy - t * yz, zz + t * yz, 0.0
+        xy, zx = c * xy - s * zx, s * xy + c * zx
+        bx, cx = c * bx - s * cx, s * bx + c * cx
+        by, cy = c * by - s * cy, s * by + c * cy
+        bz, cz = c * bz - s * cz, s * bz + c * cz
+        c, s, t = turn(zz, xx, zx)
+        zz, xx, zx = zz - t * zx, xx + t * zx, 0.0
+        yz, xy = c * yz - s * xy, s * yz + c * xy
+        cx, ax = c * cx - s * ax, s * cx + c * ax
+        cy, ay = c * cy - s * ay, s * cy + c * ay
+        cz, az = c * cz - s * az, s * cz + c * az
+    a = 1.0 if xx > least else 0.0
+    b = 1.0 if yy > least else 0.0
+    c = 1.0 if zz > least else 0.0
+    return (
+        a * ax * ax + b * bx * bx + c * cx * cx,
+        a * ay * ay + b * by * by + c * cy * cy,
+        a * az * az + b * bz * bz + c * cz * cz,
+        a * ax * ay + b * bx * by + c * cx * cy,
+        a * ay * az + b * by * bz + c * cy * cz,
+        a * az * ax + b * bz * bx + c * cz * cx,
+    )
+
+
+@njit(error_model="numpy", fastmath=FASTMATH)
+def times(xx, yy, zz, xy, yz, zx, x, y, z):
+    """Symmetric tensor times vector."""
+    return xx * x + xy * y + zx * z, xy * x + yy * y + yz * z, zx * x + yz * y + zz * z
+
+
+@njit(error_model="numpy", fastmath=FASTMATH)
+def within(p, xx, yy, zz, xy, yz, zx):
+    """Π R Π for a projector p (components as in :func:`carried`), without its trace."""
+    ax, ay, az = times(xx, yy, zz, xy, yz, zx, p[0], p[3], p[5])
+    bx, by, bz = times(xx, yy, zz, xy, yz, zx, p[3], p[1], p[4])
+    cx, cy, cz = times(xx, yy, zz, xy, yz, zx, p[5], p[4], p[2])
+    rx, rxy, rzx = times(p[0], p[1], p[2], p[3], p[4], p[5], ax, ay, az)
+    _, ry, ryz = times(p[0], p[1], p[2], p[3], p[4], p[5], bx, by, bz)
+    _, _, rz = times(p[0], p[1], p[2], p[3], p[4], p[5], cx, cy, cz)
+    mean = (rx + ry + rz) / max(1.0, p[0] + p[1] + p[2])
+    return (
+        rx - mean * p[0],
+        ry - mean * p[1],
+        rz - mean * p[2],
+        rxy - mean * p[3],
+        ryz - mean * p[4],
+        rzx - mean * p[5],
+    )
+
+
+@njit(error_model="numpy", fastmath=FASTMATH)
+def is_thin(xx, yy, zz, xy, yz, zx, least, DIM):
+    """Whether an eigenvalue is at most ``least``: the shifted tensor is not positive definite."""
+    x, y = xx - least, yy - least
+    minor = x * y - xy * xy
+    if DIM == 2:
+        return not (x > 0.0 and minor > 0.0)
+    z = zz - least
+    last = z * minor - x * yz * yz - y * zx * zx + 2.0 * xy * yz * zx
+    return not (x > 0.0 and minor > 0.0 and last > 0.0)
+
+
+@njit(error_model="numpy", fastmath=FASTMATH)
+def factorise(moments, first, number, shift):
+    """Cholesky factor of a packed symmetric matrix plus a shift, in place."""
+    for a in range(number):
+        row = first + a * (a + 1) // 2
+        for b in range(a + 1):
+            column = first + b * (b + 1) // 2
+            total = moments[row + b]
+            if a == b:
+                total += shift
+            for c in range(b):
+                total -= moments[row + c] * moments[column + c]
+            if a == b:
+                moments[row + a] = math.sqrt(total)
+            else:
+                moments[row + b] = total / moments[column + b]
+
+
+@njit(error_model="numpy", fastmath=FASTMATH)
+def substitute(moments, first, right, number):
+    """Solve with the factor of :func:`factorise`; ``right`` is where the right-hand side is."""
+    for a in range(number):
+        row = first + a * (a + 1) // 2
+        total = moments[right + a]
+        for b in range(a):
+            total -= moments[row + b] * moments[right + b]
+        moments[right + a] = total / moments[row + a]
+    for back in range(number):
+        a = number - 1 - back
+        total = moments[right + a]
+        for b in range(a + 1, number):
+            total -= moments[first + b * (b + 1) // 2 + a] * moments[right + b]
+        moments[right + a] = total / moments[first + a * (a + 1) // 2 + a]
+
+
+@particle_loop(vectorise=True)
+def carrier_tensors(
+    i,
+    x,
+    support,
+    volume,
+    group,
+    start,
+    stop,
+    neighbours,
+    crosses,
+    period,
+    inverse_period,
+    alpha,
+    carriers,
+    near_offset,
+    near_product,
+    near_square,
+    near_volume,
+    near_reach,
+    moments,
+    exchange,
+    tensor,
+    *,
+    DIM,
+    KERNEL,
+    UNIFORM,
+    BATCH,
+):
+    """F_ij of all neighbours along row i of ``exchange``, and Λ_i of the module's docstring.
+
+    ``carriers`` (G, G) says what a neighbour is to the species (:data:`APART`, …), ``tensor``
+    (n, D(D+1)/2) takes Λ: xx, yy, zz, √2 xy, √2 yz, √2 zx, or 1/V per length² in SI.
+    """
+    h = support[i]
+    scale = alpha / (power(h, DIM) * h * h)
+    inverse = 1.0 / h
+    wraps = crosses[i] != 0
+    g = group[i]
+    number = DIM * (DIM + 1) // 2
+    packed = number * (number + 1) // 2
+    thread = np.int64(batch_row(i))
+    first = thread * (packed + number + DIM)
+    right = first + packed
+    first_order = right + number
+    for a in range(packed + number + DIM):
+        moments[first + a] = 0.0
+    row = np.uint64(thread * BATCH)
+    offsets = np.uint64(thread * BATCH * DIM)
+    products = np.uint64(thread * BATCH * number)
+    begin, last = np.uint64(start[i]), np.uint64(stop[i])
+    while begin < last:
+        end = min(last, begin + np.uint64(BATCH))
+        count = end - begin
+        for k in range(count):
+            j = neighbours[begin + k]
+            r2 = 0.0
+            for d in range(DIM):
+                r = image_offset(x, i, j, d, wraps, period, inverse_period)
+                near_offset[offsets + np.uint64(d * BATCH) + k] = r
+                r2 += r * r
+            near_square[row + k] = r2
+            near_volume[row + k] = volume[j] if carriers[g, group[j]] != 0 else 0.0
+            if not UNIFORM:
+                near_reach[row + k] = 0.5 * (support[i] + support[j])
+        for k in range(count):
+            r2 = near_square[row + k]
+            if not UNIFORM:
+                inverse = 1.0 / near_reach[row + k]
+                scale = alpha * power(inverse, DIM) * inverse * inverse
+            f = scale * shape_f(math.sqrt(r2) * inverse, KERNEL)
+            exchange[begin + k] = f
+            near_volume[row + k] *= f
+            near_square[row + k] = 1.0 / r2 if r2 > 0.0 else 0.0
+        for d in range(DIM):
+            one = offsets + np.uint64(d * BATCH)
+            other = offsets + np.uint64((d + 1) % DIM * BATCH)
+            to, mixed = products + np.uint64(d * BATCH), products + np.uint64((DIM + d) * BATCH)
+            total = 0.0
+            for k in range(count):
+                total += near_volume[row + k] * near_offset[one + k]
+                near_product[to + k] = near_offset[one + k] * near_offset[one + k]
+            moments[first_order + d] += total
+            if DIM + d < number:
+                for k in range(count):
+                    near_product[mixed + k] = _SQRT2 * near_offset[one + k] * near_offset[other + k]
+        for k in range(count):
+            near_volume[row + k] *= near_square[row + k]
+        for a in range(number):
+            one = products + np.uint64(a * BATCH)
+            for b in range(a + 1):
+                other = products + np.uint64(b * BATCH)
+                total = 0.0
+                for k in range(count):
+                    total += near_volume[row + k] * near_product[one + k] * near_product[other + k]
+                moments[first + a * (a + 1) // 2 + b] += total
+        begin = end
+    # M is P applied to the unit tensor
+    for a in range(number):
+        total = 0.0
+        for d in range(DIM):
+            high, low = max(a, d), min(a, d)
+            total += moments[first + high * (high + 1) // 2 + low]
+        moments[right + a] = total
+    trace = 0.0
+    for d in range(DIM):
+        trace += moments[right + d]
+    for a in range(number):
+        tensor[i, a] = 0.0
+    if trace == 0.0:
+        return
+    # which directions are carried, and whether there is an edge
+    xx, yy, zz, xy, yz, zx = moments[right], 0.0, 0.0, 0.0, 0.0, 0.0
+    mx, my, mz = moments[first_order], 0.0, 0.0
+    pxx, pyy, pzz, pxy, pyz, pzx = 1.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    if DIM > 1:
+        yy, xy = moments[right + 1], moments[right + DIM] / _SQRT2
+        my, pyy = moments[first_order + 1], 1.0
+    if DIM > 2:
+        zz, yz, zx = moments[right + 2], moments[right + 4] / _SQRT2, moments[right + 5] / _SQRT2
+        mz, pzz = moments[first_order + 2], 1.0
+    thin = False
+    if DIM > 1:
+        thin = is_thin(xx, yy, zz, xy, yz, zx, LEAST * trace, DIM)
+        if thin:
+            pxx, pyy, pzz, pxy, pyz, pzx = carried(xx, yy, zz, xy, yz, zx, LEAST * trace)
+            mx, my, mz = times(pxx, pyy, pzz, pxy, pyz, pzx, mx, my, mz)
+    projector = (pxx, pyy, pzz, pxy, pyz, pzx)
+    length = math.sqrt(mx * mx + my * my + mz * mz)
+    if length * h * DIM > NOISE * trace:
+        mx, my, mz = mx / length, my / length, mz / length
+        signed, square = 0.0, 0.0
+        for k in range(start[i], stop[i]):
+            j = neighbours[k]
+            if carriers[g, group[j]] != 0:
+                p = mx * image_offset(x, i, j, 0, wraps, period, inverse_period)
+                if DIM > 1:
+                    p += my * image_offset(x, i, j, 1, wraps, period, inverse_period)
+                if DIM > 2:
+                    p += mz * image_offset(x, i, j, 2, wraps, period, inverse_period)
+                weight = volume[j] * exchange[k] * p * p
+                square += weight
+                signed += math.copysign(weight, p)
+        if square > 0.0:
+            missing = signed / square
+            missing *= 0.5 * missing * missing * missing
+            pxx -= missing * mx * mx
+            pyy -= missing * my * my
+            pzz -= missing * mz * mz
+            pxy -= missing * mx * my
+            pyz -= missing * my * mz
+            pzx -= missing * mz * mx
+    mean = (pxx + pyy + pzz) / trace
+    for d in range(DIM):
+        tensor[i, d] = mean
+    if DIM == 1:
+        return
+    pxx, pyy, pzz = pxx - mean * xx, pyy - mean * yy, pzz - mean * zz
+    pxy, pyz, pzx = pxy - mean * xy, pyz - mean * yz, pzx - mean * zx
+    if thin:
+        pxx, pyy, pzz, pxy, pyz, pzx = within(projector, pxx, pyy, pzz, pxy, pyz, pzx)
+    moments[right], moments[right + 1], moments[right + DIM] = pxx, pyy, _SQRT2 * pxy
+    if DIM > 2:
+        moments[right + 2] = pzz
+        moments[right + 4], moments[right + 5] = _SQRT2 * pyz, _SQRT2 * pzx
+    shift = SHIFT * trace
+    factorise(moments, first, number, shift)
+    for _ in range(2):
+        # what is left of the right-hand side after the first solution is the shift times it
+        substitute(moments, first, right, number)
+        for a in range(number):
+            tensor[i, a] += moments[right + a]
+            moments[right + a] *= shift
+
+
+@particle_loop
+def carrier_weights(
+    i,
+    x,
+    support,
+    volume,
+    group,
+    start,
+    stop,
+    neighbours,
+    crosses,
+    period,
+    inverse_period,
+    carriers,
+    tensor,
+    wall_normal,
+    wall_depth,
+    wall_curvature,
+    exchange,
+    row_rate,
+    negative,
+    *,
+    DIM,
+    NORMALISE,
+    SURFACE,
+):
+    """2 V_i V_j F_ij s_ij along row i, where ``exchange`` holds F_ij; s_ij = 1 without NORMALISE.
+
+    ``row_rate`` (n,) takes a bound of the size of the eigenvalues of the exchange, for unit
+    diffusivity, in 1/m² (Gershgorin): the row's weights over V_i, those among carriers doubled.
+    ``negative`` (n,) takes the number of pairs whose factor would have been negative.
+    """
+    wraps = crosses[i] != 0
+    g = group[i]
+    rate = 0.0
+    refused = 0
+    for k in range(start[i], stop[i]):
+        j = neighbours[k]
+        kind = carriers[g, group[j]]
+        weight = 2.0 * volume[i] * volume[j] * exchange[k]
+        if NORMALISE:
+            r2, total = 0.0, 0.0
+            dx = image_offset(x, i, j, 0, wraps, period, inverse_period)
+            other = i if kind == 2 else j
+            r2 += dx * dx
+            total += dx * dx * (tensor[i, 0] + tensor[other, 0])
+            if DIM > 1:
+                dy = image_offset(x, i, j, 1, wraps, period, inverse_period)
+                r2 += dy * dy
+                total += dy * dy * (tensor[i, 1] + tensor[other, 1])
+                total += _SQRT2 * dx * dy * (tensor[i, DIM] + tensor[other, DIM])
+            if DIM > 2:
+                dz = image_offset(x, i, j, 2, wraps, period, inverse_period)
+                r2 += dz * dz
+                total += dz * dz * (tensor[i, 2] + tensor[other, 2])
+                total += _SQRT2 * dy * dz * (tensor[i, 4] + tensor[other, 4])
+                total += _SQRT2 * dz * dx * (tensor[i, 5] + tensor[other, 5])
+            if total < 0.0 and kind != 0:
+                refused += 1
+            weight *= 0.5 * max(0.0, total) / r2 if r2 > 0.0 else 0.0
+        if kind == 0:
+            weight = 0.0
+        exchange[k] = weight
+        if kind == 1:
+            rate += 2.0 * weight
+        if SURFACE and kind == 2:
+            rate += weight * surface_factor(
+                x,
+                support,
+                wall_normal,
+                wall_depth,
+                wall_curvature,
+                i,
+                j,
+                period,
+                inverse_period,
+                DIM,
+            )
+    row_rate[i] = rate / volume[i]
+    negative[i] = refused

@@ -193,6 +193,15 @@ class Chemistry(Contents):
                 result[name] = diffusion.STEP_LIMIT * smallest**2 / fastest
         return result
 
+    @property
+    def negative_factors(self) -> int:
+        """Pairs (counted from both sides) that do not exchange, as their factor would be negative.
+
+        That is a matter of very uneven particles; the factor is 0 for both, so that nothing is
+        lost. Of the weights that were computed last.
+        """
+        return int(self.device.to_host(self._fields["negative"]).sum())
+
     # --- the step ----------------------------------------------------------------------------
 
     def step(self, step_index: int, tau: float, time: float = math.nan) -> None:

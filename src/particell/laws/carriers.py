@@ -67,7 +67,8 @@ LEAST = 0.1
 SHIFT = 0.05
 #: What a group is to the species of another one.
 APART, CARRIES, SURFACE_OF = 0, 1, 2
-#: Below the first u is noise, from the second on there is an edge.
+#: Below the first u is noise, from the second on there is an edge; twice that along lines, where
+#: neighbours are few.
 NOISE, EDGE = 0.15, 0.3
 #: First moments smaller than this, in tr M/(D h), mean u < NOISE without looking.
 EVEN = 0.2
@@ -371,7 +372,8 @@ def carrier_tensors(
                 signed += math.copysign(weight, p)
         if square > 0.0:
             missing = abs(signed) / square
-            step = min(1.0, max(0.0, (missing - NOISE) / (EDGE - NOISE)))
+            few = 2.0 if pxx + pyy + pzz < 1.5 else 1.0
+            step = min(1.0, max(0.0, (missing - few * NOISE) / (few * (EDGE - NOISE))))
             missing *= 0.5 * step * step * (3.0 - 2.0 * step)
             pxx -= missing * mx * mx
             pyy -= missing * my * my

@@ -48,7 +48,8 @@ def weight_fields(device: Device, n: int, dim: int, uniform: bool, normalise: bo
         made = law.tensor_fields(device, n, dim, uniform)
     else:
         made = {**diffusion.slope_fields(device, n, uniform), "tensor": device.zeros((1, 1))}
-        made["kernel_sum"] = device.zeros(1)
+        for name in ("kernel_sum", "near_factor", "near_offset", "near_product"):
+            made[name] = device.zeros(1)
     made["row_rate"] = device.zeros(n, np.float64)
     made["negative"] = device.zeros(n, np.int64)
     return made
@@ -104,7 +105,12 @@ class Exchange:
             self._slopes = bind(law.carrier_tensors, f, **shape)
         else:
             self._slopes = bind(diffusion.pair_slopes, f, **shape, SUM=False, KEEP=True)
-        weights = {"DIM": dim, "NORMALISE": normalise, "SURFACE": self._has_surface(constants)}
+        weights = {
+            "DIM": dim,
+            "NORMALISE": normalise,
+            "SURFACE": self._has_surface(constants),
+            "BATCH": shape["BATCH"],
+        }
         self._weights = bind(law.carrier_weights, f, **weights)
         self._facing = bind(fluxes.facing_area, f, DIM=dim)
         self._diffuse = bind(diffusion.diffuse, f, **constants)

@@ -55,6 +55,7 @@ import numpy as np
 from particell.compute.batches import batch_buffer, batch_row, batch_rows
 from particell.compute.device import Device
 from particell.compute.loop import particle_loop
+from particell.compute.rounding import nearest_integer
 from particell.kernels import power, shape_f
 from particell.laws.diffusion import surface_factor
 from particell.laws.pairs import image_offset
@@ -96,6 +97,7 @@ def tensor_fields(device: Device, n: int, dim: int, uniform: bool) -> dict[str, 
         "near_square": batch_buffer(device, n, 1, np.float64),
         "near_volume": batch_buffer(device, n, 1, np.float64),
         "near_reach": batch_buffer(device, 0 if uniform else n, 1, np.float64),
+        "near_factor": batch_buffer(device, n, 1, np.float64),
     }
 
 
@@ -157,7 +159,9 @@ def carrier_tensors(
             j = neighbours[begin + k]
             r2 = 0.0
             for d in range(DIM):
-                r = image_offset(x, i, j, d, wraps, period, inverse_period)
+                r = x[i, d] - x[j, d]
+                if wraps:
+                    r -= period[d] * nearest_integer(r * inverse_period[d])
                 near_offset[offsets + np.uint64(d * BATCH) + k] = r
                 r2 += r * r
             near_square[row + k] = r2
@@ -276,7 +280,7 @@ def carrier_tensors(
             moments[right + a] *= shift
 
 
-@particle_loop
+@particle_loop(vectorise=True)
 def carrier_weights(
     i,
     x,
@@ -291,6 +295,11 @@ def carrier_weights(
     inverse_period,
     carriers,
     tensor,
+    near_offset,
+    near_product,
+    near_volume,
+    near_square,
+    near_factor,
     wall_normal,
     wall_depth,
     wall_curvature,
@@ -301,6 +310,7 @@ def carrier_weights(
     DIM,
     NORMALISE,
     SURFACE,
+    BATCH,
 ):
     """2 V_i V_j F_ij s_ij along row i, where ``exchange`` holds F_ij; s_ij = 1 without NORMALISE.
 
@@ -310,49 +320,75 @@ def carrier_weights(
     """
     wraps = crosses[i] != 0
     g = group[i]
+    own = 2.0 * volume[i]
     rate = 0.0
-    refused = 0
-    for k in range(start[i], stop[i]):
-        j = neighbours[k]
-        kind = carriers[g, group[j]]
-        weight = 2.0 * volume[i] * volume[j] * exchange[k]
+    refused = 0.0
+    number = DIM * (DIM + 1) // 2
+    row = np.uint64(np.int64(batch_row(i)) * BATCH)
+    offsets, products = row * np.uint64(DIM), row * np.uint64(number)
+    begin, last = np.uint64(start[i]), np.uint64(stop[i])
+    while begin < last:
+        end = min(last, begin + np.uint64(BATCH))
+        count = end - begin
+        for k in range(count):
+            j = neighbours[begin + k]
+            kind = carriers[g, group[j]]
+            near_volume[row + k] = own * volume[j] if kind != 0 else 0.0
+            if NORMALISE:
+                other = np.uint64(j)
+                if kind == 2:
+                    other = np.uint64(i)
+                for d in range(DIM):
+                    r = x[i, d] - x[j, d]
+                    if wraps:
+                        r -= period[d] * nearest_integer(r * inverse_period[d])
+                    near_offset[offsets + np.uint64(d * BATCH) + k] = r
+                for a in range(number):
+                    near_product[products + np.uint64(a * BATCH) + k] = (
+                        tensor[i, a] + tensor[other, a]
+                    )
         if NORMALISE:
-            r2, total = 0.0, 0.0
-            dx = image_offset(x, i, j, 0, wraps, period, inverse_period)
-            other = i if kind == 2 else j
-            r2 += dx * dx
-            total += dx * dx * (tensor[i, 0] + tensor[other, 0])
-            if DIM > 1:
-                dy = image_offset(x, i, j, 1, wraps, period, inverse_period)
-                r2 += dy * dy
-                total += dy * dy * (tensor[i, 1] + tensor[other, 1])
-                total += _SQRT2 * dx * dy * (tensor[i, DIM] + tensor[other, DIM])
-            if DIM > 2:
-                dz = image_offset(x, i, j, 2, wraps, period, inverse_period)
-                r2 += dz * dz
-                total += dz * dz * (tensor[i, 2] + tensor[other, 2])
-                total += _SQRT2 * dy * dz * (tensor[i, 4] + tensor[other, 4])
-                total += _SQRT2 * dz * dx * (tensor[i, 5] + tensor[other, 5])
-            if total < 0.0 and kind != 0:
-                refused += 1
-            weight *= 0.5 * max(0.0, total) / r2 if r2 > 0.0 else 0.0
-        if kind == 0:
-            weight = 0.0
-        exchange[k] = weight
-        if kind == 1:
-            rate += 2.0 * weight
-        if SURFACE and kind == 2:
-            rate += weight * surface_factor(
-                x,
-                support,
-                wall_normal,
-                wall_depth,
-                wall_curvature,
-                i,
-                j,
-                period,
-                inverse_period,
-                DIM,
-            )
-    row_rate[i] = rate / volume[i]
-    negative[i] = refused
+            for k in range(count):
+                near_square[row + k] = 0.0
+                near_factor[row + k] = 0.0
+            for d in range(DIM):
+                one = offsets + np.uint64(d * BATCH)
+                other = offsets + np.uint64((d + 1) % DIM * BATCH)
+                to, mixed = products + np.uint64(d * BATCH), products + np.uint64((DIM + d) * BATCH)
+                for k in range(count):
+                    square = near_offset[one + k] * near_offset[one + k]
+                    near_square[row + k] += square
+                    near_factor[row + k] += square * near_product[to + k]
+                if DIM + d < number:
+                    for k in range(count):
+                        both = _SQRT2 * near_offset[one + k] * near_offset[other + k]
+                        near_factor[row + k] += both * near_product[mixed + k]
+        for k in range(count):
+            weight = near_volume[row + k] * exchange[begin + k]
+            if NORMALISE:
+                r2, factor = near_square[row + k], near_factor[row + k]
+                refused += 1.0 if factor < 0.0 and weight > 0.0 else 0.0
+                weight *= 0.5 * max(0.0, factor) / r2 if r2 > 0.0 else 0.0
+            exchange[begin + k] = weight
+            rate += weight
+        if SURFACE:
+            for k in range(count):
+                j = neighbours[begin + k]
+                weight = exchange[begin + k]
+                if carriers[g, group[j]] == 2 and weight > 0.0:
+                    factor = surface_factor(
+                        x,
+                        support,
+                        wall_normal,
+                        wall_depth,
+                        wall_curvature,
+                        i,
+                        j,
+                        period,
+                        inverse_period,
+                        DIM,
+                    )
+                    rate += weight * (0.5 * factor - 1.0)
+        begin = end
+    row_rate[i] = 2.0 * rate / volume[i]
+    negative[i] = np.int64(refused)

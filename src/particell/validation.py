@@ -45,6 +45,7 @@ GROUPS = {
         "couette",
         "lid-driven-cavity",
         "rotating-cylinder",
+        "drag-array",
         "taylor-green",
         "natural-convection",
     ),

@@ -14,10 +14,7 @@ from particell.chemistry.reservoirs import FixedValueWall, Reservoir
 from particell.chemistry.species import Species
 from particell.compute.device import Device
 from particell.compute.neighbours import NeighbourList
-<<<<<<< HEAD
-=======
 from particell.errors import RunError
->>>>>>> h-confined
 from particell.geometry.domain import Domain
 from particell.particles import Group, Particles
 
@@ -325,8 +322,6 @@ def test_negative_factors_are_clipped_and_counted():
     even = system(grid(60, 2), 1.0, 1.8, (60, 0))
     even.step(0, 1e-6)
     assert even.negative_factors == 0
-<<<<<<< HEAD
-=======
 
 
 def test_volumes_that_are_not_finite_are_named():
@@ -336,4 +331,3 @@ def test_volumes_that_are_not_finite_are_named():
     chem.particles.set("density", density)
     with pytest.raises(RunError, match="exchange by diffusion is not finite"):
         chem.step(0, 1e-6)
->>>>>>> h-confined

@@ -338,6 +338,10 @@ class Chemistry(Contents):
         if self._switching:
             self._prepare(n)
         fastest = max(each.rate for each in self._exchanges)
+        if not math.isfinite(fastest):
+            rows = self.device.to_host(self._fields["row_rate"])
+            row = int(np.argmin(np.isfinite(rows)))
+            self._fail("the exchange by diffusion is not finite", "density", row, step)
         self.divisions = max(1, math.ceil(0.5 * tau * fastest * (1 - 1e-12)))
         for part in range(self.divisions):
             if part > 0:

@@ -19,6 +19,7 @@ from numba import njit
 
 #: Smallest distance of a fluid particle from a wall's surface in d_j/d_i, in units of its support.
 CLOSEST = 0.1
+LEAST_RADIUS = 0.2
 
 
 @njit
@@ -35,9 +36,21 @@ def surface_distance(tx, ty, tz, nx, ny, nz, curvature):
 
 
 @njit
-def extrapolation(distance, depth, support):
+def shear(distance, curvature, DIM):
+    """TODO."""
+    bend = max(1.0 + curvature * distance, LEAST_RADIUS)
+    if DIM == 2 and curvature != 0.0:
+        return math.log(bend) / curvature
+    if DIM == 3:
+        return distance / bend
+    return distance
+
+
+@njit
+def extrapolation(distance, depth, support, curvature, DIM):
     """The factor 1 + d_j/d_i by which a difference to the wall's value grows."""
-    return 1.0 + depth / max(distance, CLOSEST * support)
+    above = shear(max(distance, CLOSEST * support), curvature, DIM)
+    return 1.0 - shear(-depth, curvature, DIM) / above
 
 
 @njit(inline="always")
@@ -52,4 +65,4 @@ def plane_extrapolation(i, dx, dy, dz, wall_direction, wall_distance, support, D
         along += wall_direction[i, 1] * dy
     if DIM > 2:
         along += wall_direction[i, 2] * dz
-    return extrapolation(wall_distance[i], max(along - wall_distance[i], 0.0), support)
+    return extrapolation(wall_distance[i], max(along - wall_distance[i], 0.0), support, 0.0, DIM)

@@ -77,7 +77,7 @@ def surface_factor(
     distance = distance_from_wall(
         x, wall_normal, wall_depth, wall_curvature, i, j, period, inverse_period, DIM
     )
-    return extrapolation(distance, wall_depth[j], support[i])
+    return extrapolation(distance, wall_depth[j], support[i], wall_curvature[j], DIM)
 
 
 @njit(error_model="numpy", fastmath=FASTMATH)

@@ -344,7 +344,7 @@ def rates(
                         nz,
                         wall_curvature[j],
                     )
-                    grow = extrapolation(distance, depth, hi)
+                    grow = extrapolation(distance, depth, hi, wall_curvature[j], DIM)
                     if UNKNOWN and nx == 0.0 and ny == 0.0 and nz == 0.0:
                         grow = plane_extrapolation(
                             i, dx, dy, dz, wall_direction, wall_distance, hi, DIM

@@ -237,7 +237,7 @@ def flux_rates(
                         nz,
                         wall_curvature[j],
                     )
-                    grow, is_fluid = extrapolation(distance, depth, hi), 0.0
+                    grow, is_fluid = extrapolation(distance, depth, hi, wall_curvature[j], DIM), 0.0
                     if UNKNOWN and nx == 0.0 and ny == 0.0 and nz == 0.0:
                         grow = plane_extrapolation(
                             i, dx, dy, dz, wall_direction, wall_distance, hi, DIM

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from particell.equilibrated import equilibrated
     from particell.errors import InputError, Interrupted, RunError
     from particell.geometry.domain import Domain
-    from particell.geometry.fill import jittered, lattice, packed, rings
+    from particell.geometry.fill import jittered, lattice, packed, rings, shells
     from particell.geometry.shapes import Ball, Box, Circle, HalfSpace, Sphere
     from particell.laws.buoyancy import Buoyancy
     from particell.materials import Fluid
@@ -90,6 +90,7 @@ _HOME = {
     "packed": "geometry.fill",
     "read_sbml": "chemistry.sbml",
     "rings": "geometry.fill",
+    "shells": "geometry.fill",
 }
 
 __all__ = [
@@ -136,6 +137,7 @@ __all__ = [
     "packed",
     "read_sbml",
     "rings",
+    "shells",
 ]
 
 

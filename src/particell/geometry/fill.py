@@ -284,7 +284,7 @@ def around(
     not_negative("reach", reach)
     everything = lattice(domain, spacing)
     gap = ball.signed_distance(everything)
-    left_out = round(ball.volume(domain.dim) / spacing**domain.dim)
+    left_out = round(ball.volume(domain.dim) * len(everything) / domain.volume)
     points = everything[np.argsort(gap, kind="stable")[left_out:]]
     near = ball.signed_distance(points) < reach * spacing
     others = points[~near] if fixed is None else np.concatenate([points[~near], fixed])

@@ -181,6 +181,7 @@ EXAMPLES = {
         "iterations": 2,
     },
     pc.rings: {"ball": BALL, "inner": 1.0, "outer": 2.0, "spacing": 0.5},
+    pc.shells: {"ball": pc.Ball((0, 0, 0), 2.0), "inner": 1.0, "outer": 2.0, "spacing": 0.5},
     around: {**FILL, "ball": BALL, "fixed": None, "reach": 1.0},
     arranged: {**FILL, "kind": "jittered", "seed": 1, "fixed": None},
 }

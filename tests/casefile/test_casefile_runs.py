@@ -53,6 +53,7 @@ PAIRS = [
     (fills.ArrangedFill, arranged, DOMAIN),
     (fills.AroundFill, around, DOMAIN),
     (fills.RingsFill, pc.rings, {}),
+    (fills.ShellsFill, pc.shells, {}),
     (fills.JitteredFill, pc.jittered, OF),
     (fills.PackedFill, pc.packed, DOMAIN | OF),
     (phases.FilledPhase, pc.fluid, DOMAIN),
@@ -240,7 +241,7 @@ def test_schema(capsys):
     spacing = schema["$defs"]["FilledPhase"]["properties"]["spacing"]
     assert spacing["x-unit"] == "m" and {"type": "string"} in spacing["anyOf"]
     of = schema["$defs"]["PackedFill"]["properties"]["of"]["discriminator"]["mapping"]
-    assert set(of) == {"lattice", "rings", "points", "jittered"}
+    assert set(of) == {"lattice", "rings", "shells", "points", "jittered"}
     assert "path" in schema["$defs"]["SBMLTable"]["required"]
     diffusivity = schema["$defs"]["SBMLTable"]["properties"]["diffusivity"]
     assert diffusivity["x-unit"] == "m^2/s" and len(diffusivity["anyOf"]) == 4

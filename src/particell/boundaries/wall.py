@@ -22,14 +22,16 @@ extrapolation misses :math:`L q_{ij}`, :func:`missed`,
 
 .. math:: q_{ij} = \frac12 \left(d_j^2 - \frac{s(-d_j)}{s(d_i)}\,d_i^2\right) .
 
-The sum over pairs, :math:`2\sum_j V_j F_{ij} (v_j - v_i)`, then is :math:`(1 - C_i) L` with
+The sum over pairs, :math:`2\sum_j V_j F_{ij} (v_j - v_i)`, then is :math:`(1 - C_i) S_i L` with
 
-.. math:: C_i = 2 \sum_{j \in \mathrm{walls}} V_j F_{ij}\, q_{ij},
+.. math:: C_i = \frac{2}{S_i} \sum_{j \in \mathrm{walls}} V_j F_{ij}\, q_{ij}, \qquad
+          S_i = \frac1D \sum_j V_j F_{ij}\, r_{ij}^2,
 
-which is known from places alone: friction of fluid particles is divided by :math:`1 - C_i`. It is
-exact for quadratic profiles beside plane walls, and the velocity between two plates has no error
-but that of the kernel sum. What is added acts between particle and wall. C is at most 1/2 beside a
-plane, and no more is taken off in corners. With radial friction it is that for shear along the wall
+and the kernel sum :math:`S_i`, about 1, is the bulk's factor too. Both are known from places alone:
+friction of fluid particles is divided by :math:`1 - C_i`. It is exact for quadratic profiles beside
+plane walls, and the velocity between two plates has no error but that of the kernel sum. What is
+added acts between particle and wall. C is at most 1/2 beside a plane, and no more is taken off in
+corners. With radial friction it is that for shear along the wall
 (:func:`particell.laws.viscosity.sheared`). With thermal noise it is left out, for equipartition
 needs friction that is symmetric in all pairs.
 """

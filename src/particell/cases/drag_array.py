@@ -254,12 +254,12 @@ class DragArray(Case):
     def mean_velocity(self, run: Run) -> np.ndarray:
         """Mean velocity along x over the cell in every frame, over the exact one."""
         fluid = run.group("fluid")
-        mass = run.static["mass"][fluid]
-        found = [
-            float((mass / run.field("density")[k][fluid]) @ run.field("velocity")[k][fluid, 0])
-            for k in range(len(run))
-        ]
-        return np.array(found) / (self.domain.volume * self.scale)
+        mass, found = run.static["mass"][fluid], []
+        for k in range(len(run)):
+            volume = mass / run.field("density")[k][fluid]
+            found.append(volume @ run.field("velocity")[k][fluid, 0] / volume.sum())
+        body = 0.0 if self.shape == "duct" else self.ball.volume(self.dim)
+        return np.array(found) * (1 - body / self.domain.volume) / self.scale
 
     def steady(self, run: Run) -> tuple[float, float]:
         """Mean over the last half of the run (where particles rest, its end), and its spread."""

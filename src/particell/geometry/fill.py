@@ -223,7 +223,7 @@ def shells(ball: Ball, inner: float, outer: float, spacing: float) -> tuple[np.n
         # the centre of mass of a narrow cone's part in the layer
         radius = 3 / 4 * (high**4 - low**4) / (high**3 - low**3)
         number = max(1, round(volume / spacing**3))
-        if low == 0 and number <= 4:
+        if low == 0 and number <= 2:
             number, radius = 1, 0.0
         points.append(ball.center + radius * _on_sphere(number))
         volumes.append(np.full(number, volume / number))

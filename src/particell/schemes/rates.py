@@ -262,7 +262,7 @@ def rates(
     ax, ay, az = 0.0, 0.0, 0.0
     expansion, spread = 0.0, 0.0
     sx, sy, sz = 0.0, 0.0, 0.0
-    bx, by, bz, bend = 0.0, 0.0, 0.0, 0.0
+    bx, by, bz, bend, whole = 0.0, 0.0, 0.0, 0.0, 0.0
     held = 0.0
     hxx, hxy, hxz, hyy, hyz, hzz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     dy, dz, dv, dw = 0.0, 0.0, 0.0, 0.0
@@ -455,6 +455,7 @@ def rates(
                     rubbing = radial_ij * friction * vx * inverse_r * inverse_r
                 if PARABOLIC:
                     bend += friction * near_bend[q]
+                    whole += friction * r2
                     bx -= across * du + rubbing * dx
                     by -= across * dv + rubbing * dy
                     bz -= across * dw + rubbing * dz
@@ -512,7 +513,7 @@ def rates(
             shift[i, 2] = sz
     if FORCE:
         if PARABOLIC:
-            more = 1.0 / (1.0 - min(density_i * bend, MOST_MISSED))
+            more = 1.0 / (1.0 - min(DIM * bend / (whole + TINY), MOST_MISSED))
             ax += more * bx
             ay += more * by
             az += more * bz

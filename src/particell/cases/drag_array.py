@@ -96,6 +96,9 @@ class DragArray(Case):
     """Its support in particle spacings: by default 2.6, and 3 with SDPD."""
     normalise_viscosity: bool = False
     """Whether friction is divided by the kernel sum (transport velocity)."""
+    density_diffusion: Annotated[float, Field(ge=0, le=0.2)] = 0.0
+    """δ of SDPD. Viscosity damps sound here, and δ lets the density leak through surfaces on which
+    pressure has a slope, a velocity of about δ h/(ρc₀) ∂P/∂n."""
     end: Annotated[float, Field(gt=0)] | None = None
     """End of the run in units of (cell)²/ν: by default 0.5, and 3 where particles move."""
 
@@ -219,6 +222,7 @@ class DragArray(Case):
                 support=self.reach,
                 gravity=gravity,
                 reference_speed=self.scale,
+                density_diffusion=self.density_diffusion,
                 shifting=0.5 if self.lattice == "running" else 0.0,
                 impenetrable=True,
             )

@@ -303,7 +303,7 @@ class DragArray(Case):
 
     @plots.styled
     def _speed_figure(self, run: Run):
-        figure, axes = plots.new_figure(4.4, 3.6)
+        figure, axes = plots.new_figure(4.8, 3.8)
         x = run.field("position")[-1]
         low, high = self.domain.lower, self.domain.upper
         periodic = self.domain.periodic
@@ -324,7 +324,7 @@ class DragArray(Case):
         unit = "width" if self.shape == "duct" else "diameter"
         axes.set(xlabel=f"{'xyz'[first]} / {unit}", ylabel=f"{'xyz'[second]} / {unit}")
         axes.set(aspect="equal")
-        figure.colorbar(mesh, cax=axes.inset_axes((1.04, 0.0, 0.04, 1.0)), label="$u_x$ / U")
+        figure.colorbar(mesh, ax=axes, label="$u_x$ / U")
         return figure
 
     @plots.styled

@@ -368,7 +368,7 @@ def rates(
                     if PARABOLIC:
                         along = (nx * dx + ny * dy + nz * dz) ** 2 / (r2 + TINY)
                         missing = missed(distance, depth, hi, grow)
-                        missing *= sheared(transverse_ij, radial_ij, along, DIM)
+                        missing *= sheared(transverse[g], radial[g], along, DIM)
                     if DELTA and DENSITY:
                         near_matter[to] = density_i  # walls take no part in δ
                     gj = g  # and have the friction of the fluid

@@ -303,7 +303,7 @@ class DragArray(Case):
 
     @plots.styled
     def _speed_figure(self, run: Run):
-        figure, axes = plots.new_figure(4.8, 3.8)
+        figure, axes = plots.new_figure(5.6, 3.8)
         x = run.field("position")[-1]
         low, high = self.domain.lower, self.domain.upper
         periodic = self.domain.periodic

@@ -246,8 +246,8 @@ def _on_sphere(number: int, iterations: int = 50) -> np.ndarray:
         r = np.linalg.norm(offset, axis=1)
         weight = (1.0 - r / reach) ** 2 / (r / reach)
         total = np.bincount(i, weight, number).clip(1e-12)
-        shift = np.stack([np.bincount(i, weight * offset[:, d], number) for d in range(3)], axis=-1)
-        shift = shift * (0.5 / total[:, None])
+        push = np.stack([np.bincount(i, weight * offset[:, d], number) for d in range(3)], axis=-1)
+        shift = push * (0.5 / total[:, None])
         points += shift - points * (points * shift).sum(axis=1, keepdims=True)
         points /= np.linalg.norm(points, axis=1, keepdims=True)
         if np.abs(shift).max() < 1e-3 * reach:

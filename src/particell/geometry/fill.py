@@ -247,7 +247,7 @@ def _on_sphere(number: int, iterations: int = 50) -> np.ndarray:
         weight = (1.0 - r / reach) ** 2 / (r / reach)
         total = np.bincount(i, weight, number).clip(1e-12)
         shift = np.stack([np.bincount(i, weight * offset[:, d], number) for d in range(3)], axis=-1)
-        shift *= 0.5 / total[:, None]
+        shift = 0.5 * shift / total[:, None]
         points += shift - points * (points * shift).sum(axis=1, keepdims=True)
         points /= np.linalg.norm(points, axis=1, keepdims=True)
         if np.abs(shift).max() < 1e-3 * reach:

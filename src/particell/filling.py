@@ -28,6 +28,8 @@ EXCESS = 0.05
 OVERFULL = 1.75
 #: By how much spacing and volume^(1/D), or spacing and the points' distances, may differ.
 MISFIT = 1.6
+#: What is smaller than its spacing by more is meant so: tracers without a volume to speak of.
+TRACER = 10.0
 #: A phase fills space where its particles do so at their declared spacing.
 FILLED = 0.75
 #: Support of the sums in spacings, particles per phase looked at, and neighbours of each.
@@ -93,7 +95,7 @@ def _check_phase(phase: Phase, fill: float, declared: float, own: float, static:
         allowed = f"about the distance of its points, {real:.3g} m (and a larger support instead)"
         raise InputError(f"spacing of {name}", spacing, allowed)
     size = float(np.median(phase.volume)) ** (1 / dim)
-    if not static and own > FILLED and size < spacing / MISFIT:
+    if not static and own > FILLED and spacing / TRACER < size < spacing / MISFIT:
         allowed = f"about spacing^{dim} = {spacing**dim:.4g} m^{dim}: they leave most space empty"
         raise InputError(f"volume of {name}", float(np.median(phase.volume)), allowed)
 

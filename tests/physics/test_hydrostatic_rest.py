@@ -78,6 +78,14 @@ def test_a_closed_column_rests(scheme, jitter):
     rests(column(scheme, (8, 16), (0.0, -1 / 16), jitter), lambda x: -x[:, 1] / 16)
 
 
+@pytest.mark.parametrize("kernel", ["wendland-c2", "quintic-spline"])
+def test_with_summed_density(kernel):
+    """Where the kernel sum is far from 1, 1.02 to 1.05 at two spacings: it divides pressures too."""
+    options = {"density": "summation", "kernel": kernel, "support": 2.0}
+    simulation = column(SDPD, (8, 16), (0.0, -1 / 16), **options)
+    rests(simulation, lambda x: -x[:, 1] / 16, 100.0)
+
+
 @SCHEMES
 @pytest.mark.parametrize("exponent", [1.0, 2.5])
 def test_with_other_equations_of_state(scheme, exponent):

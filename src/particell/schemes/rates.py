@@ -91,6 +91,8 @@ def pack(
     mass,
     pressure_term,
     density,
+    group,
+    density_sum,
     rest_axis,
     rest_weight,
     rest_pressure,
@@ -131,7 +133,8 @@ def pack(
     record[at + MATTER + 2] = mass[i]
     height = rest_height(i, x, rest_axis, DIM)
     rest = rest_pressure_at(height, rest_axis[DIM + 2], rest_weight, rest_pressure)
-    record[at + MATTER + 3] = pressure_term[i] - rest / (density[i] * density[i])
+    square = density[i] * density[i] * density_sum[group[i]]  # as that of the pressure's term
+    record[at + MATTER + 3] = pressure_term[i] - rest / square
 
 
 @particle_loop(vectorise=True)

@@ -8,8 +8,8 @@ T and the (isothermal) sound speed :math:`c_0`; measured is what the particles m
 - the **compressibility** from the density's fluctuations: the structure factor
   :math:`S(k) = \langle|\sum_i e^{-ik\cdot x_i}|^2\rangle/N` of the longest waves,
   :math:`1/S = a + bk^2`, gives :math:`S(0) = 1/a`, which is :math:`k_BT/(m c_0^2)`;
-- the **viscosity**, from the decay :math:`e^{-\nu k^2t}` of transverse waves (what the kernel and
-  the time step make of it at the wave's length, is divided out: 0.1 % in 2D, 3 % in 3D);
+- the **viscosity**, from the decay :math:`e^{-\nu k^2t}` of transverse waves (what the kernel
+  and the time step make of it at the wave's length is divided out: 0.1 % in 2D, 1.7 % in 3D);
 - **sound speed** and **attenuation**, from longitudinal waves,
   :math:`\ddot u + \nu_l k^2\dot u + c_0^2k^2u = 0` with
   :math:`\nu_l = [2\eta(1 - 1/D) + \zeta]/\rho`.

@@ -225,7 +225,7 @@ class ThermalModes(Case):
         return metrics
 
     def decay_asked(self, k: float, dt: float) -> float:
-        """Rate in 1/s of a transverse wave: ν k², with what the kernel and the time step make of it.
+        """Rate in 1/s of a transverse wave: ν k², as kernel and time step make it.
 
         Both are known: the transform of the friction (here for ζ = 0), and 1 − ν k² dt a step.
         """

@@ -169,7 +169,7 @@ def test_noise_is_allowed_for():
     simulation = pc.Simulation(box, pc.fluid(box, warm, 1.0), scheme, seed=1)
     run = simulation.run(simulation.dt * 400, progress=False)
     assert names(run.health) == []
-    assert len(run.health) == 4
+    assert len(run.health) == 7
 
 
 def test_a_particle_that_has_lost_all_others():

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 STIFFNESS = 0.7
 #: How many spacings a support may be beyond the table's: K changes by 0.03 at most.
 SUPPORT = 0.25
-#: How many times θ may be beyond the table's: K changes by 0.03 at most.
-STRENGTH = 2.0
+#: How many times θ may be beyond the table's: K changes by 0.04 at most, s by 0.01.
+STRENGTH = 3.0
 
 
 def of_noise(simulation: Simulation) -> Iterator[Finding]:

@@ -24,7 +24,7 @@ divided out: the transforms of the friction, across and along k; with the kernel
 
 (for Gaussian fluctuations about the energy in :mod:`particell.schemes.summation`); and
 velocity-Verlet, which leaves :math:`1 - \nu k^2\,dt` of a transverse wave a step. In boxes of 32²
-that is 1.5 % of the viscosity and 3 % of the sound speed, in boxes of 12³ 5 % and 9 %.
+that is 0.8 % of the viscosity and 1.5 % of the sound speed, in boxes of 12³ 5 % and 9 %.
 
 Waves are kicked, and compared with the same run that was not (:mod:`particell.analysis.modes`): the
 response is the normalised correlation of their fluctuations, without the noise. The kicks start

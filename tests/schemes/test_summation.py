@@ -119,10 +119,12 @@ def test_table_is_smooth_and_physical(kernel, dim):
         of = sorted((r for r in rows if r["theta"] == theta), key=lambda r: float(r["support"]))
         s, stiffness, friction, collisions = (np.array([float(r[k]) for r in of]) for k in "sKfg")
         error = np.array([[float(r[f"error_{k}"]) for r in of] for k in ("s", "K", "low", "high")])
-        assert np.all(error.max(axis=1) < [5e-4, 0.012, 0.005, 0.016])
+        # pressure by 0.05 %, sound by 0.6 %, viscosity by 0.5 % where collisions carry nothing, and
+        # by the aim of 2 % where most
+        assert np.all(error.max(axis=1) < [5e-4, 0.012, 0.005, 0.02])
         assert np.all((s > 1) & (s < 1.07)) and np.all((stiffness > 0.25) & (stiffness < 1))
         assert np.all((friction > 0.75) & (friction < 1.01))
-        assert np.all((collisions > -0.002) & (collisions < 0.13))
+        assert np.all((collisions > -0.002) & (collisions < 0.15))
         # up to five standard errors of two numbers: one in 10⁶ and less
         assert np.all(np.diff(s) < 5 * error[0].max())
         assert np.all(np.diff(stiffness) > -5 * 1.4 * error[1].max())

@@ -364,12 +364,14 @@ class ThermalModes(Case):
         answers = self.answers(run, simulation)
         c = simulation.materials[0].sound_speed
         assert c is not None
-        fine = np.linspace(0, answers.time[-1], 200)
+        dt = simulation.dt
+        fine = dt * np.arange(round(answers.time[-1] / dt) + 1)
+        step = dt if self.integrator == "velocity-verlet" else None
         for n, (colour, mark) in enumerate(zip(plots.COLOURS[:2], "os", strict=True)):
             k = 2 * math.pi / self.edge * math.sqrt(n + 1)
             frequency = c * k * math.sqrt(self.softer(simulation, k))
-            exact = sound_answer(fine, frequency, self.along(k) * k * k)
-            lines = (np.exp(-self.decay_asked(k, simulation.dt) * fine), exact)
+            exact = sound_answer(fine, frequency, self.along(k) * k * k, step)
+            lines = (np.exp(-self.decay_asked(k, dt) * fine), exact)
             for axes, found, line in zip(
                 (right, left), answers.of_length(k), (exact, lines[0]), strict=True
             ):

@@ -20,6 +20,7 @@ FIGURES = {
     "couette": "couette-profiles",
     "diffusion-1d": "diffusion-1d-profiles",
     "diffusion-2d": "diffusion-2d-map",
+    "drag-array": "drag-array-speed",
     "effective-diffusivity": "effective-diffusivity-decay",
     "equilibrium-2d": "equilibrium-2d-velocities",
     "equilibrium-3d": "equilibrium-3d-density",

@@ -181,12 +181,13 @@ EXAMPLES = {
         "iterations": 2,
     },
     pc.rings: {"ball": BALL, "inner": 1.0, "outer": 2.0, "spacing": 0.5},
+    pc.shells: {"ball": pc.Ball((0, 0, 0), 2.0), "inner": 1.0, "outer": 2.0, "spacing": 0.5},
     around: {**FILL, "ball": BALL, "fixed": None, "reach": 1.0},
     arranged: {**FILL, "kind": "jittered", "seed": 1, "fixed": None},
 }
 EXAMPLES |= {pc.Circle: EXAMPLES[pc.Ball], pc.Sphere: EXAMPLES[pc.Ball]}
 #: What others have tests of: errors, and what is made from files and functions.
-ELSEWHERE = {"InputError", "Interrupted", "RunError", "Run", "SBMLModel", "read_sbml"}
+ELSEWHERE = {"InputError", "Interrupted", "LawWarning", "RunError", "Run", "SBMLModel", "read_sbml"}
 ELSEWHERE |= {"Ensemble", "EnsembleInterrupted", "EnsembleRun", "export_vtkhdf"}
 
 #: Numbers that may be negative (and zero), and that may be zero.

@@ -31,9 +31,9 @@ if TYPE_CHECKING:
     from particell.compute.device import Device
     from particell.ensemble import Ensemble, EnsembleInterrupted, EnsembleRun
     from particell.equilibrated import equilibrated
-    from particell.errors import InputError, Interrupted, RunError
+    from particell.errors import InputError, Interrupted, LawWarning, RunError
     from particell.geometry.domain import Domain
-    from particell.geometry.fill import jittered, lattice, packed, rings
+    from particell.geometry.fill import jittered, lattice, packed, rings, shells
     from particell.geometry.shapes import Ball, Box, Circle, HalfSpace, Sphere
     from particell.laws.buoyancy import Buoyancy
     from particell.materials import Fluid
@@ -62,6 +62,7 @@ _HOME = {
     "HalfSpace": "geometry.shapes",
     "InputError": "errors",
     "Interrupted": "errors",
+    "LawWarning": "errors",
     "Phase": "phases",
     "Reaction": "chemistry.reactions",
     "Reflection": "boundaries.reflection",
@@ -90,6 +91,7 @@ _HOME = {
     "packed": "geometry.fill",
     "read_sbml": "chemistry.sbml",
     "rings": "geometry.fill",
+    "shells": "geometry.fill",
 }
 
 __all__ = [
@@ -109,6 +111,7 @@ __all__ = [
     "HalfSpace",
     "InputError",
     "Interrupted",
+    "LawWarning",
     "MeanVelocity",
     "Phase",
     "Reaction",
@@ -136,6 +139,7 @@ __all__ = [
     "packed",
     "read_sbml",
     "rings",
+    "shells",
 ]
 
 

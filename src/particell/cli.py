@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import sys
 import tomllib
+import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn, TextIO
 
 import click
 
-from particell.errors import InputError, Interrupted, ParticellError, RunError
+from particell.errors import InputError, Interrupted, LawWarning, ParticellError, RunError
 
 if TYPE_CHECKING:
     from particell.cases.base import Case
@@ -358,6 +359,23 @@ def call(arguments: Sequence[str] | None = None) -> int:
     return status or 0
 
 
+def _say(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
+    """Show a warning in one line, without the place in the program that it came from."""
+    if issubclass(category, LawWarning):
+        click.echo(f"warning: {message}", err=True)
+    else:
+        text = warnings.formatwarning(message, category, filename, lineno, line)
+        click.echo(text, err=True, nl=False)
+
+
 def main() -> NoReturn:
     """The program ``particell``."""
+    warnings.showwarning = _say
     sys.exit(call())

@@ -28,7 +28,7 @@ EXCESS = 0.05
 OVERFULL = 1.75
 #: By how much spacing and volume^(1/D), or spacing and the points' distances, may differ.
 MISFIT = 1.6
-#: Space is filled where it is at least so by particles of the declared spacing.
+#: A phase fills space where its particles do so at their declared spacing.
 FILLED = 0.75
 #: Support of the sums in spacings, particles per phase looked at, and neighbours of each.
 SUPPORT, SAMPLE, NEAREST = 3.0, 400, 256
@@ -52,8 +52,9 @@ def check_filling(domain: Domain, phases: Sequence[Phase], static: bool) -> None
     places, _ = domain.wrapped(points)
     _check_total(domain, places, volume, phases)
     least = np.where(domain.periodic, domain.lower, places.min(axis=0))
+    of_phase = np.repeat(np.arange(len(phases)), [len(p.points) for p in phases])
     tree = cKDTree(places - least, boxsize=np.where(domain.periodic, domain.lengths, 0.0))
-    for p in phases:
+    for k, p in enumerate(phases):
         if p.kind == "fluid" and len(p.points):
             at = domain.wrapped(_some(p.points))[0] - least
             h = SUPPORT * p.particle_spacing
@@ -62,7 +63,8 @@ def check_filling(domain: Domain, phases: Sequence[Phase], static: bool) -> None
             j = np.minimum(j.reshape(len(at), -1), len(points) - 1)  # weight 0 where none is left
             fill = float(np.median((w * volume[j]).sum(axis=1)))
             declared = float(np.median((w * cell[j]).sum(axis=1)))
-            _check_phase(p, fill, declared, static)
+            own = float(np.median((w * cell[j] * (of_phase[j] == k)).sum(axis=1)))
+            _check_phase(p, fill, declared, own, static)
 
 
 def _check_total(
@@ -80,7 +82,7 @@ def _check_total(
         )
 
 
-def _check_phase(phase: Phase, fill: float, declared: float, static: bool) -> None:
+def _check_phase(phase: Phase, fill: float, declared: float, own: float, static: bool) -> None:
     dim, spacing = phase.dim, phase.particle_spacing
     name = f"'{phase.name}'"
     if fill > OVERFULL:
@@ -91,7 +93,7 @@ def _check_phase(phase: Phase, fill: float, declared: float, static: bool) -> No
         allowed = f"about the distance of its points, {real:.3g} m (and a larger support instead)"
         raise InputError(f"spacing of {name}", spacing, allowed)
     size = float(np.median(phase.volume)) ** (1 / dim)
-    if not static and declared > FILLED and size < spacing / MISFIT:
+    if not static and own > FILLED and size < spacing / MISFIT:
         allowed = f"about spacing^{dim} = {spacing**dim:.4g} m^{dim}: they leave most space empty"
         raise InputError(f"volume of {name}", float(np.median(phase.volume)), allowed)
 

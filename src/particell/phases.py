@@ -223,7 +223,9 @@ def box_walls(
     name: str = "wall",
     sliding: Mapping[str, Velocity] | None = None,
 ) -> list[Phase]:
-    """The walls on all sides of a closed box, as layers of particles outside the domain.
+    """The walls on all sides of a box, as layers of particles outside the domain.
+
+    There are none across periodic axes: a box that is periodic along one axis in 3D is a duct.
 
     They are named ``name-x-lower``, ``name-x-upper``, ``name-y-lower``, …, and each is a plane.
     Edges and corners belong to the wall of the last axis there that does not slide: a lid that
@@ -245,7 +247,9 @@ def box_walls(
     """
     positive("layers", layers)
     steps = fitting_spacing(domain, spacing)
-    axes = range(domain.dim)
+    axes = [int(axis) for axis in np.flatnonzero(~np.asarray(domain.periodic))]
+    if not axes:
+        raise InputError("domain", domain, "one with an axis that is not periodic, for walls")
     sides = [(axis, side) for axis in axes for side in ("lower", "upper")]
     names = {f"{'xyz'[axis]}-{side}": (axis, side) for axis, side in sides}
     velocities: dict[tuple[int, str], Velocity] = {}
@@ -257,7 +261,10 @@ def box_walls(
     for key, (axis, side) in names.items():
         own = (axis, side)
         beyond = [  # where this wall has the edge with another
-            [axis != a and (own in velocities, -axis) < ((a, s) in velocities, -a) for a in axes]
+            [
+                a in axes and axis != a and (own in velocities, -axis) < ((a, s) in velocities, -a)
+                for a in range(domain.dim)
+            ]
             for s in ("lower", "upper")
         ]
         wall = _plane_wall(

@@ -41,6 +41,7 @@ def state_of(simulation: Simulation) -> dict[str, Any]:
         "jumps": chemistry.jumps if chemistry else 0,
         "pace": chemistry.pace if chemistry else math.inf,
         "worst": dict(s.watch.worst),
+        "remarks": list(chemistry.remarks) if chemistry else [],
         "crossings": s.carriage.crossings if s.carriage else None,
     }
 
@@ -89,6 +90,7 @@ def restore(simulation: Simulation, state: dict[str, Any]) -> None:
     if s.chemistry:
         s.chemistry.events, s.chemistry.jumps = state["events"], state["jumps"]
         s.chemistry.pace = state.get("pace", math.inf)
+        s.chemistry.remarks[:] = state.get("remarks", [])
     if s.carriage:
         s.carriage.crossings = state.get("crossings") or (0.0, 0.0)
     if state["volume_drift"] is not None:

@@ -129,7 +129,8 @@ def performance_of(
 
 def settings_of(simulation: Simulation) -> dict[str, Any]:
     """See :attr:`particell.simulation.Simulation.settings`."""
-    scheme = simulation.scheme
+    scheme, chemistry = simulation.scheme, simulation.chemistry
+    remarks = chemistry.remarks if chemistry else []
     return {
         "scheme": type(scheme).__name__,
         "kernel": scheme.kernel,
@@ -140,6 +141,7 @@ def settings_of(simulation: Simulation) -> dict[str, Any]:
         "sound_speed": [m.sound_speed for m in simulation.materials],
         "depth": simulation.depth,
         **solver_settings(simulation),
+        **({"remarks": list(remarks)} if remarks else {}),
     }
 
 

@@ -46,6 +46,7 @@ GROUPS = {
         "couette",
         "lid-driven-cavity",
         "rotating-cylinder",
+        "drag-array",
         "taylor-green",
         "natural-convection",
     ),

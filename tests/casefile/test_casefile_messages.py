@@ -206,6 +206,9 @@ def test_networks(tmp_path):
     refused("key in sbml #1", "'molecules'", sbml=[{**network, "molecule": True}])
     refused("species in molecules in sbml #1", "'E'", sbml=[{**network, "molecules": ["EX"]}])
     refused("compartment", "'cell'", sbml=[{**network, "only_in": {"sell": "fluid"}}])
+    refused("compartment in volumes", "'cell'", sbml=[{**network, "volumes": {"sell": "1 um^3"}}])
+    length = {**network, "volumes": {"cell": "1 um"}}
+    refused("volume of compartment", "'micrometer'", sbml=[length])
     refused("group", "'fluid'", sbml=[{**network, "only_in": {"cell": "fluit"}}], **rest)
     slow = {"S": {"fluit": 1}}
     refused("diffusivity of S", "'fluid'", sbml=[{**network, "diffusivity": slow}], **rest)

@@ -53,6 +53,7 @@ PAIRS = [
     (fills.ArrangedFill, arranged, DOMAIN),
     (fills.AroundFill, around, DOMAIN),
     (fills.RingsFill, pc.rings, {}),
+    (fills.ShellsFill, pc.shells, {}),
     (fills.JitteredFill, pc.jittered, OF),
     (fills.PackedFill, pc.packed, DOMAIN | OF),
     (phases.FilledPhase, pc.fluid, DOMAIN),
@@ -232,6 +233,12 @@ def test_check_times_and_counts(tmp_path, capsys, monkeypatch):
     assert call(["check", str(path)]) == 0
     words = capsys.readouterr().out
     assert "about 112 (fluid 64, wall 48)" in words and "not built" in words
+    pytest.importorskip("libsbml")
+    enzyme = Path(__file__).parents[2] / "examples" / "enzyme.xml"
+    network = {"path": str(enzyme), "units": {"time": "h"}}
+    path.write_text(document(content | {"sbml": [network]}))
+    assert call(["check", str(path)]) == 0
+    assert "note:      units: 'h' for time is not used" in capsys.readouterr().out
 
 
 def test_schema(capsys):
@@ -240,7 +247,7 @@ def test_schema(capsys):
     spacing = schema["$defs"]["FilledPhase"]["properties"]["spacing"]
     assert spacing["x-unit"] == "m" and {"type": "string"} in spacing["anyOf"]
     of = schema["$defs"]["PackedFill"]["properties"]["of"]["discriminator"]["mapping"]
-    assert set(of) == {"lattice", "rings", "points", "jittered"}
+    assert set(of) == {"lattice", "rings", "shells", "points", "jittered"}
     assert "path" in schema["$defs"]["SBMLTable"]["required"]
     diffusivity = schema["$defs"]["SBMLTable"]["properties"]["diffusivity"]
     assert diffusivity["x-unit"] == "m^2/s" and len(diffusivity["anyOf"]) == 4

@@ -14,6 +14,7 @@ from particell.chemistry.reservoirs import FixedValueWall, Reservoir
 from particell.chemistry.species import Species
 from particell.compute.device import Device
 from particell.compute.neighbours import NeighbourList
+from particell.errors import RunError
 from particell.geometry.domain import Domain
 from particell.particles import Group, Particles
 
@@ -321,3 +322,12 @@ def test_negative_factors_are_clipped_and_counted():
     even = system(grid(60, 2), 1.0, 1.8, (60, 0))
     even.step(0, 1e-6)
     assert even.negative_factors == 0
+
+
+def test_volumes_that_are_not_finite_are_named():
+    chem = system(grid(6, 6), 1.0, 2.0, (6, 6))
+    density = chem.particles.host("density").copy()
+    density[7] = np.nan
+    chem.particles.set("density", density)
+    with pytest.raises(RunError, match="exchange by diffusion is not finite"):
+        chem.step(0, 1e-6)

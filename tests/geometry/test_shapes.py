@@ -4,16 +4,19 @@ import math
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from particell.errors import InputError
 from particell.geometry.domain import Domain
 from particell.geometry.fill import (
+    around,
     fitting_spacing,
     jittered,
     lattice,
     neighbour_pairs,
     packed,
     rings,
+    shells,
 )
 from particell.geometry.shapes import Ball, Box, Circle, HalfSpace, Sphere
 
@@ -76,6 +79,59 @@ def test_rings_have_the_area_of_the_ring():
         assert volumes == pytest.approx(0.01, rel=0.3)
 
 
+@pytest.mark.parametrize("inner", [0.0, 0.2, 0.71])
+def test_shells_have_the_volume_of_the_shell(inner):
+    centre = np.array([1.0, 2.0, 3.0])
+    points, volumes = shells(Sphere(centre, 1.0), inner, 1.0, 0.1)
+    r = np.linalg.norm(points - centre, axis=1)
+    assert volumes.sum() == pytest.approx(4 / 3 * math.pi * (1 - inner**3), rel=1e-12)
+    assert inner <= r.min() and r.max() < 1
+    assert volumes == pytest.approx(1e-3, rel=0.35)
+    outer = r > 0.9  # of one sphere all are alike, and the whole is balanced
+    assert np.ptp(r[outer]) < 1e-12 and np.ptp(volumes[outer]) < 1e-18
+    assert np.abs((volumes[:, None] * (points - centre)).sum(axis=0)).max() < 1e-3 * volumes.sum()
+
+
+def test_shells_are_evenly_spread():
+    """Nearest neighbours on a sphere: those of a hexagonal lattice (1.07) but for its defects."""
+    for radius in (2.0, 5.0, 12.0):
+        points, _ = shells(Sphere((0, 0, 0), radius), radius - 1, radius, 1.0)
+        nearest = cKDTree(points).query(points, 2)[0][:, 1]
+        spacing = math.sqrt(4 * math.pi * np.linalg.norm(points[0]) ** 2 / len(points))
+        assert nearest.min() > 0.93 * spacing
+        assert nearest.max() < 1.09 * spacing
+
+
+def test_kernel_sums_beside_a_sphere_of_shells():
+    """Σ V W over body and fluid is 1 where they meet, as near as in the packed fluid itself.
+
+    With a body cut out of a lattice its spread there is twice as large.
+    """
+    domain, ball = Domain([-4.5] * 3, [4.5] * 3, periodic="xyz"), Sphere((0, 0, 0), 2.5)
+    body, volumes = shells(ball, 0.0, 2.5, 1.0)
+    points = around(domain, 1.0, ball, body)
+    each = (9**3 - ball.volume(3)) / len(points)
+    sites = lattice(domain, 1.0)
+    gap = ball.signed_distance(sites)
+    sums = {}
+    for name, inside, weight, outside, w in (
+        ("shells", body, volumes, points, each),
+        ("lattice", sites[gap < 0], 1.0, sites[gap >= 0], each),
+    ):
+        everything = np.concatenate([outside, inside])
+        volume = np.concatenate([np.full(len(outside), w), np.broadcast_to(weight, len(inside))])
+        i, j, offset = neighbour_pairs(everything, domain, 2.6, len(outside))
+        q = np.linalg.norm(offset, axis=1) / 2.6
+        kernel = 105 / (16 * math.pi * 2.6**3) * (1 + 3 * q) * (1 - q) ** 3
+        found = np.bincount(i, volume[j] * kernel, len(outside))
+        found += volume[: len(outside)] * 105 / (16 * math.pi * 2.6**3)
+        beside = ball.signed_distance(outside) < 1.0
+        sums[name] = found[beside]
+    print({k: (v.mean(), v.std()) for k, v in sums.items()})
+    assert sums["shells"].mean() == pytest.approx(1.0, abs=0.01)
+    assert sums["shells"].std() < 0.02
+
+
 def test_packing_evens_out():
     domain = Domain((0, 0), (12, 12), periodic="xy")
     points = jittered(lattice(domain, 1.0), 0.25, seed=3) % 12
@@ -119,6 +175,9 @@ def test_pairs_meet_periodic_images():
         (lambda: lattice(Domain((0, 0), (1, 1)), 0.1, kind="cubic"), "kind"),
         (lambda: lattice(Domain((0,), (1,)), 0.1, kind="hexagonal"), "kind"),
         (lambda: rings(Ball((0, 0), 1.0), 1.0, 0.5, 0.1), "inner"),
+        (lambda: shells(Ball((0, 0, 0), 1.0), 1.0, 0.5, 0.1), "inner"),
+        (lambda: shells(Ball((0, 0), 1.0), 0.5, 1.0, 0.1), "ball"),
+        (lambda: shells(Ball((0, 0, 0), 1.0), 0.5, 1.0, 0.0), "spacing"),
     ],
 )
 def test_refused_in_one_line(make, key):

@@ -64,7 +64,7 @@ def scattered(dim, materials=1, supports=1, seed=1, **scheme):
     """Two interleaved phases of random particles, fast and compressed, in a periodic box."""
     random = np.random.default_rng(seed)
     domain = Domain((0,) * dim, (8,) * dim, periodic="xyz"[:dim], depth=1.0)
-    number = {1: 16, 2: 100, 3: 400}[dim]
+    number = {1: 8, 2: 100, 3: 400}[dim]
     places = random_places(random, number, domain, apart=0.2)
     first = unit_fluid(viscosity=0.3, bulk_viscosity=0.2, temperature=UNIT_TEMPERATURE)
     second = first
@@ -118,7 +118,7 @@ def test_pressure_keeps_angular_momentum(dim):
     random = np.random.default_rng(2)
     domain = Domain((0,) * dim, (8,) * dim, depth=1.0)
     points = random.uniform(2, 6, (60, dim))
-    phase = Phase("fluid", unit_fluid(viscosity=0.0), points, 1.0)
+    phase = Phase("fluid", unit_fluid(viscosity=0.0), points, 4**dim / 60)
     simulation = Simulation(domain, phase, SDPD(density_diffusion=0.0), dt=0.01)
     simulation.particles.set("density", random.uniform(0.9, 1.1, 60))
     simulation.start()

@@ -21,6 +21,7 @@ from particell.geometry.fill import (
     lattice,
     packed,
     rings,
+    shells,
     wrapped,
 )
 from particell.geometry.shapes import Ball
@@ -122,7 +123,8 @@ class AroundFill(_FillTable):
         ball = ball_of(scope, "ball", self.ball)
         fixed = points_of(scope, self.fixed)
         points = around(scope.domain, self.spacing, ball, fixed, self.reach)
-        return points, self.spacing**scope.dim
+        volume = float(np.prod(fitting_spacing(scope.domain, self.spacing)))
+        return points, volume
 
 
 @describes(rings)
@@ -144,8 +146,31 @@ class RingsFill(_FillTable):
     def build(self, scope: Scope) -> Filled:
         """Points and volumes."""
         if scope.dim != 2:
-            raise InputError("type", self.type, "another one: rings are for 2 dimensions")
+            raise InputError("type", self.type, "'shells' in 3 dimensions: rings are for 2")
         return rings(ball_of(scope, "ball", self.ball), self.inner, self.outer, self.spacing)
+
+
+@describes(shells)
+class ShellsFill(_FillTable):
+    """Concentric spheres that fill a shell, or with ``inner = 0`` a ball; in 3D."""
+
+    type: Literal["shells"]
+    """What it is."""
+    ball: Name
+    """Name of a sphere: its centre is used."""
+    inner: Annotated[Length, Field(ge=0)]
+    outer: Annotated[Length, Field(gt=0)]
+    spacing: _Spacing
+
+    def estimate(self, scope: Scope) -> float:
+        """About how many particles."""
+        return 4 / 3 * math.pi * max(0.0, self.outer**3 - self.inner**3) / self.spacing**3
+
+    def build(self, scope: Scope) -> Filled:
+        """Points and volumes."""
+        if scope.dim != 3:
+            raise InputError("type", self.type, "'rings' in 2 dimensions: shells are for 3")
+        return shells(ball_of(scope, "ball", self.ball), self.inner, self.outer, self.spacing)
 
 
 class PointsFill(_FillTable):
@@ -169,7 +194,9 @@ class PointsFill(_FillTable):
 
 
 #: Arrangements that others are made from.
-ArrangedTable = Annotated[LatticeFill | RingsFill | PointsFill, Field(discriminator="type")]
+ArrangedTable = Annotated[
+    LatticeFill | RingsFill | ShellsFill | PointsFill, Field(discriminator="type")
+]
 
 
 class _MadeOf(_FillTable):
@@ -209,7 +236,10 @@ class PackedFill(_MadeOf):
 
     type: Literal["packed"]
     """What it is."""
-    of: Annotated[LatticeFill | RingsFill | PointsFill | JitteredFill, Field(discriminator="type")]
+    of: Annotated[
+        LatticeFill | RingsFill | ShellsFill | PointsFill | JitteredFill,
+        Field(discriminator="type"),
+    ]
     """The arrangement: a lattice, rings or points, which may be jittered."""
     spacing: _Spacing
     fixed: tuple[Name, ...] = ()
@@ -247,6 +277,13 @@ def wall_sites(scope: Scope, spacing: float, layers: int, axis: int | None) -> f
 
 
 FillTable = Annotated[
-    LatticeFill | ArrangedFill | AroundFill | RingsFill | PointsFill | JitteredFill | PackedFill,
+    LatticeFill
+    | ArrangedFill
+    | AroundFill
+    | RingsFill
+    | ShellsFill
+    | PointsFill
+    | JitteredFill
+    | PackedFill,
     Field(discriminator="type"),
 ]

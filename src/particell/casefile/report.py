@@ -25,6 +25,8 @@ MOST_BUILT = 300_000
 #: Bytes of a particle without its row of the neighbour list, by dimension, and of a place in that
 #: (four, and room for rows that become longer).
 FIELDS, BYTES_A_NEIGHBOUR = {1: 400, 2: 500, 3: 700}, 5.3
+#: Notes of SBML files that are shown.
+MOST_NOTES = 10
 #: Seconds that steps are timed for, about.
 TIMED = 2.0
 
@@ -49,7 +51,9 @@ def report(case: Case, timing: bool = True, threads: int | None = None) -> Itera
     set_threads(threads)
     yield f"{case.name}: {case.title}".rstrip(": ")
     if isinstance(case, FileCase):
-        estimates = case.estimates(case.scope())
+        scope = case.scope()
+        yield from _notes([note for network in scope.networks for note in network.notes])
+        estimates = case.estimates(scope)
         if (total := sum(estimates.values())) > MOST_BUILT:
             parts = ", ".join(f"{name} {number:.3g}" for name, number in estimates.items())
             yield f"particles: about {total:.3g} ({parts})"
@@ -79,6 +83,14 @@ def bytes_a_particle(simulation: Simulation) -> float:
     ball = math.pi ** (dim / 2) / math.gamma(dim / 2 + 1)
     listed = ball * (scheme.support * (1 + (scheme.skin or 0.1))) ** dim
     return FIELDS[dim] + BYTES_A_NEIGHBOUR * listed
+
+
+def _notes(notes: list[str]) -> Iterator[str]:
+    """What there is to know of SBML files."""
+    for note in notes[:MOST_NOTES]:
+        yield f"note:      {note}"
+    if len(notes) > MOST_NOTES:
+        yield f"note:      {len(notes) - MOST_NOTES} more, see read_sbml(…).notes"
 
 
 def limit(simulation: Simulation) -> str:

@@ -36,6 +36,10 @@ CASES: dict[str, tuple[str, str]] = {
         "particell.cases.diffusion_2d:Diffusion2D",
         "Diffusion in a plate, with concentrations and with molecules",
     ),
+    "drag-array": (
+        "particell.cases.drag_array:DragArray",
+        "Slow flow through an array of cylinders or spheres, or through a square duct",
+    ),
     "effective-diffusivity": (
         "particell.cases.effective_diffusivity:EffectiveDiffusivity",
         "The diffusivity that a Fourier mode decays with, on any arrangement of particles",

@@ -24,6 +24,8 @@ from particell.simulation import Simulation
 AT_REST = 1e-9
 #: Times of the profiles in the figure, and the first one whose error counts, in H²/ν.
 SHOWN, FIRST = (0.025, 0.05, 0.1, 0.2), 0.025
+#: Rows of particles next to a plate that tell the shear there.
+ROWS = 4
 
 
 class Profile(NamedTuple):
@@ -37,6 +39,19 @@ class Profile(NamedTuple):
     def error(self) -> float:
         """Root mean square of the difference."""
         return float(np.sqrt(np.mean((self.value - self.expected) ** 2)))
+
+    @property
+    def shear_error(self) -> float:
+        """Error of the velocity's slope at the lower plate, relative to the exact one's.
+
+        Both are the slopes at y = 0 of the parabola through rest there that fits the nearest
+        :data:`ROWS` rows best.
+        """
+        y = self.y[:ROWS]
+        powers = np.stack([y, y**2], axis=1)
+        both = np.stack([self.value[:ROWS], self.expected[:ROWS]], axis=1)
+        found, exact = np.linalg.lstsq(powers, both, rcond=None)[0][0]
+        return float(found / exact - 1)
 
 
 class ChannelFlow(Case):
@@ -216,9 +231,10 @@ class ChannelFlow(Case):
         single = self.single_errors(run)
         starting = run.times < (self.end - self.averaging) * self.time_unit
         starting &= run.times >= FIRST * self.time_unit * (1 - 1e-9)
-        steady = self.profile(run, self.averaged(run)).error
+        line = self.profile(run, self.averaged(run))
         found = {
-            "profile_error": Metric(steady, paper=self.paper_error(), limit=self.limit()),
+            "profile_error": Metric(line.error, paper=self.paper_error(), limit=self.limit()),
+            "wall_shear_error": Metric(line.shear_error),
             "particle_error": Metric(float(single[self.averaged(run)].mean())),
             "transient_error": Metric(
                 float(single[starting].max(initial=0.0)), limit=self.transient_limit()

@@ -256,7 +256,7 @@ class Chemistry(Contents):
         tau
             In s.
         time
-            At the end of the step in s, for messages and for laws that depend on it.
+            At the end of the step in s, for messages and for laws that depend on it (0 for NaN).
 
         Raises
         ------
@@ -264,7 +264,7 @@ class Chemistry(Contents):
             Where reactions are too fast to be computed, naming a particle.
         """
         self._bind()
-        self._time, begin = time, time - tau
+        self._time, begin = time, time - tau if time == time else 0.0
         n = self.particles.n
         for numbers in self._thresholds:
             self._switch_kind(n, *numbers, step_index)
@@ -338,6 +338,10 @@ class Chemistry(Contents):
         if self._switching:
             self._prepare(n)
         fastest = max(each.rate for each in self._exchanges)
+        if not math.isfinite(fastest):
+            rows = self.device.to_host(self._fields["row_rate"])
+            row = int(np.argmin(np.isfinite(rows)))
+            self._fail("the exchange by diffusion is not finite", "density", row, step)
         self.divisions = max(1, math.ceil(0.5 * tau * fastest * (1 - 1e-12)))
         for part in range(self.divisions):
             if part > 0:

@@ -186,6 +186,76 @@ def rings(ball: Ball, inner: float, outer: float, spacing: float) -> tuple[np.nd
 
 
 @checked
+def shells(ball: Ball, inner: float, outer: float, spacing: float) -> tuple[np.ndarray, np.ndarray]:
+    """Particles on concentric spheres that fill the shell inner < r < outer: :func:`rings` in 3D.
+
+    On each sphere they start on a spiral of equal areas (Fibonacci's) and are spread evenly by
+    repulsion; all of one sphere stand for the same volume.
+
+    Parameters
+    ----------
+    ball
+        A sphere: its centre is used.
+    inner, outer
+        Radii in m; ``inner`` may be zero.
+    spacing
+        Wanted distance of neighbours in m.
+
+    Returns
+    -------
+    points, volumes
+        Points (n, 3) in m and their volumes (n,) in m³, which add up to the shell's volume.
+    """
+    if len(ball.center) != 3:
+        raise InputError("ball", ball, "a sphere in 3 dimensions ('rings' are for 2)")
+    if not 0 <= inner < outer:
+        raise InputError("inner", inner, f"between 0 and 'outer' = {outer:g}")
+    positive("spacing", spacing)
+    if (outer / spacing) ** 3 > MOST_POINTS:
+        raise InputError(
+            "spacing", spacing, f"larger: more than {MOST_POINTS:g} particles fit in no memory"
+        )
+    layers = max(1, round((outer - inner) / spacing))
+    edges = np.linspace(inner, outer, layers + 1)
+    points, volumes = [], []
+    for low, high in pairwise(edges):
+        volume = 4 / 3 * math.pi * (high**3 - low**3)
+        # the centre of mass of a narrow cone's part in the layer
+        radius = 3 / 4 * (high**4 - low**4) / (high**3 - low**3)
+        number = max(1, round(volume / spacing**3))
+        if low == 0 and number <= 2:
+            number, radius = 1, 0.0
+        points.append(ball.center + radius * _on_sphere(number))
+        volumes.append(np.full(number, volume / number))
+    return np.concatenate(points), np.concatenate(volumes)
+
+
+def _on_sphere(number: int, iterations: int = 50) -> np.ndarray:
+    """Points (n, 3) spread evenly on the unit sphere."""
+    k = np.arange(number) + 0.5
+    z, angle = 1.0 - 2.0 * k / number, math.pi * (1.0 + math.sqrt(5.0)) * k
+    across = np.sqrt(1.0 - z**2)
+    points = np.stack([across * np.cos(angle), across * np.sin(angle), z], axis=-1)
+    if number < 2:
+        return points
+    reach = 2.4 * math.sqrt(4.0 * math.pi / number)
+    for _ in range(iterations):
+        pairs = cKDTree(points).query_pairs(reach, output_type="ndarray")
+        i, j = np.concatenate([pairs, pairs[:, ::-1]]).T
+        offset = points[i] - points[j]
+        r = np.linalg.norm(offset, axis=1)
+        weight = (1.0 - r / reach) ** 2 / (r / reach)
+        total = np.bincount(i, weight, number).clip(1e-12)
+        push = np.stack([np.bincount(i, weight * offset[:, d], number) for d in range(3)], axis=-1)
+        shift = push * (0.5 / total[:, None])
+        points += shift - points * (points * shift).sum(axis=1, keepdims=True)
+        points /= np.linalg.norm(points, axis=1, keepdims=True)
+        if np.abs(shift).max() < 1e-3 * reach:
+            break
+    return points
+
+
+@checked
 def around(
     domain: Domain,
     spacing: float,
@@ -214,7 +284,7 @@ def around(
     not_negative("reach", reach)
     everything = lattice(domain, spacing)
     gap = ball.signed_distance(everything)
-    left_out = round(ball.volume(domain.dim) / spacing**domain.dim)
+    left_out = round(ball.volume(domain.dim) * len(everything) / domain.volume)
     points = everything[np.argsort(gap, kind="stable")[left_out:]]
     near = ball.signed_distance(points) < reach * spacing
     others = points[~near] if fixed is None else np.concatenate([points[~near], fixed])

@@ -7,8 +7,8 @@ neighbour without diffusivity blocks),
 .. math:: \frac{dn_i}{dt} = \sum_j 2 \bar\kappa_{ij} V_i V_j F_{ij} s_{ij} (C_j - C_i),
 
 antisymmetric in i and j: amounts are conserved to round-off whatever the volumes do. The factor
-:math:`s_{ij}` is 1, or the symmetric normalisation :math:`2/(n_i + n_j)` with the kernel sum
-:math:`n_i = \frac1D \sum_j V_j F_{ij} r_{ij}^2`, which is 1 where the sums are exact.
+:math:`s_{ij}` is 1, or that of :mod:`particell.laws.carriers`, which makes the second moments of
+the weights right over the neighbours that carry the species.
 
 At wall particles with a surface value :math:`C_w` the difference :math:`C_j - C_i` becomes
 :math:`(1 + d_j/d_i)(C_w - C_i)`, see :mod:`particell.boundaries.wall`, with the fluid particle's
@@ -44,7 +44,8 @@ from particell.compute.rounding import nearest_integer
 from particell.kernels import power, shape_f
 from particell.laws.pairs import image_offset
 
-#: Explicit Euler steps are limited to this many h²/κ.
+#: Steps are limited to this many h²/κ. Where that is not stable (:mod:`.chemistry.exchange`), the
+#: explicit exchange of concentrations is divided.
 STEP_LIMIT = 0.05
 
 
@@ -77,7 +78,7 @@ def surface_factor(
     distance = distance_from_wall(
         x, wall_normal, wall_depth, wall_curvature, i, j, period, inverse_period, DIM
     )
-    return extrapolation(distance, wall_depth[j], support[i])
+    return extrapolation(distance, wall_depth[j], support[i], wall_curvature[j], DIM)
 
 
 @njit(error_model="numpy", fastmath=FASTMATH)

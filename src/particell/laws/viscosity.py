@@ -48,3 +48,15 @@ def harmonic_mean(a, b):
     """
     total = a + b
     return 2.0 * a * (b / total) if total > 0.0 else 0.0
+
+
+@njit
+def sheared(transverse, radial, along, DIM):
+    """(a + b e_t²)/η, what a pair's friction counts for in shear along a wall; 2 without b.
+
+    ``along`` is e_n², n the wall's normal, and e_t² the mean of the other squares (in one dimension
+    e_n²); η is ½ (a + b/(D + 2)).
+    """
+    across = along if DIM == 1 else (1.0 - along) / (DIM - 1)
+    shear = transverse + radial / (DIM + 2)
+    return 2.0 * (transverse + radial * across) / shear if shear > 0.0 else 2.0

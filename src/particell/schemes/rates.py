@@ -19,7 +19,13 @@ from typing import Any
 
 import numpy as np
 
-from particell.boundaries.wall import extrapolation, plane_extrapolation, surface_distance
+from particell.boundaries.wall import (
+    MOST_MISSED,
+    extrapolation,
+    missed,
+    plane_distances,
+    surface_distance,
+)
 from particell.boundaries.wall_friction import slowed
 from particell.compute.batches import batch_buffer, batch_row, whole_lanes
 from particell.compute.device import Device
@@ -37,7 +43,7 @@ from particell.laws.hydrostatics import rest_height, rest_pressure_at, rest_weig
 from particell.laws.pressure import pressure_acceleration
 from particell.laws.shifting import crowding
 from particell.laws.transport_velocity import switched_term
-from particell.laws.viscosity import harmonic_mean, pair_friction
+from particell.laws.viscosity import harmonic_mean, pair_friction, sheared
 
 TINY = 1e-300
 #: Numbers in a record, and the place of ρ, by dimension: padded, so that whole vectors are loaded.
@@ -67,6 +73,7 @@ def batch_fields(
         "near": buffer(True, 2 * dim),
         "near_matter": buffer(True, 4),
         "near_wall": buffer(walls),
+        "near_bend": buffer(walls and not noise),
         "near_support": buffer(not uniform),
         "near_mixture": buffer(mixed, MIXTURE),
         "near_id": buffer(noise, dtype=np.int64),
@@ -166,6 +173,7 @@ def rates(
     near,
     near_matter,
     near_wall,
+    near_bend,
     near_support,
     near_mixture,
     near_id,
@@ -200,6 +208,7 @@ def rates(
     SWITCH,
     NORMAL,
     UNKNOWN,
+    PARABOLIC,
 ):
     """Density rate (kg/m³/s) and acceleration (m/s²) of particle i.
 
@@ -211,7 +220,9 @@ def rates(
     ahead of v (:func:`pack`). The arrays
     ``near…`` are the batch: differences of position and velocity, the neighbour's ρ, V, m, P/ρ²,
     the factor of a wall's difference of velocity, the pair's support, its friction coefficients
-    and k_B T where they differ, the neighbour's id, the pair's mean kernel sum. With ``NORMAL``
+    and k_B T where they differ, the neighbour's id, the pair's mean kernel sum. With ``PARABOLIC``
+    friction beside walls is exact for quadratic profiles, ``near_bend`` being the pair's part of C
+    in :mod:`particell.boundaries.wall`. With ``NORMAL``
     friction is divided by that; with ``UNKNOWN`` some walls have no known surface. The
     friction with walls is :mod:`particell.boundaries.wall_friction`'s Γ too, in ``wall_friction``.
     """
@@ -251,6 +262,7 @@ def rates(
     ax, ay, az = 0.0, 0.0, 0.0
     expansion, spread = 0.0, 0.0
     sx, sy, sz = 0.0, 0.0, 0.0
+    bx, by, bz, bend, whole = 0.0, 0.0, 0.0, 0.0, 0.0
     held = 0.0
     hxx, hxy, hxz, hyy, hyz, hzz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     dy, dz, dv, dw = 0.0, 0.0, 0.0, 0.0
@@ -325,7 +337,7 @@ def rates(
             if PARTED and DELTA and DENSITY and equation[gj] != equation[g]:
                 near_matter[to] = density_i  # between two fluids density jumps
             if WALLS:
-                grow = 1.0
+                grow, missing = 1.0, 0.0
                 if k >= first_wall:
                     if LEAD and FORCE:  # friction with walls is implicit, from v itself
                         for d in range(DIM):
@@ -344,15 +356,25 @@ def rates(
                         nz,
                         wall_curvature[j],
                     )
-                    grow = extrapolation(distance, depth, hi)
+                    grow = extrapolation(distance, depth, hi, wall_curvature[j], DIM)
                     if UNKNOWN and nx == 0.0 and ny == 0.0 and nz == 0.0:
-                        grow = plane_extrapolation(
-                            i, dx, dy, dz, wall_direction, wall_distance, hi, DIM
+                        distance, depth = plane_distances(
+                            i, dx, dy, dz, wall_direction, wall_distance, DIM
                         )
+                        grow = extrapolation(distance, depth, hi, 0.0, DIM)
+                        nx = wall_direction[i, 0]
+                        ny = wall_direction[i, 1] if DIM > 1 else 0.0
+                        nz = wall_direction[i, 2] if DIM > 2 else 0.0
+                    if PARABOLIC:
+                        along = (nx * dx + ny * dy + nz * dz) ** 2 / (r2 + TINY)
+                        missing = missed(distance, depth, hi, grow)
+                        missing *= sheared(transverse[g], radial[g], along, DIM)
                     if DELTA and DENSITY:
                         near_matter[to] = density_i  # walls take no part in δ
                     gj = g  # and have the friction of the fluid
                 near_wall[c] = grow
+                if PARABOLIC:
+                    near_bend[c] = missing
             if MIXED:
                 along_i = transverse[g] + radial[g]
                 along_j = transverse[gj] + radial[gj]
@@ -427,9 +449,19 @@ def rates(
                 else:
                     along = pressure_acceleration(mass_j, term_i, term_j, f)
                 across = transverse_ij * friction
+                rubbing = 0.0
                 if RADIAL:
                     inverse_r = 1.0 / (r + TINY)
-                    along -= radial_ij * friction * vx * inverse_r * inverse_r
+                    rubbing = radial_ij * friction * vx * inverse_r * inverse_r
+                if PARABOLIC:
+                    bend += friction * near_bend[q]
+                    whole += friction * r2
+                    bx -= across * du + rubbing * dx
+                    by -= across * dv + rubbing * dy
+                    bz -= across * dw + rubbing * dz
+                    across = 0.0
+                else:
+                    along -= rubbing
                 if WALLS:
                     near_wall[q] = friction * grow  # for what follows
                 if NOISE:
@@ -480,6 +512,15 @@ def rates(
         if DIM > 2:
             shift[i, 2] = sz
     if FORCE:
+        if PARABOLIC:
+            more = 1.0 / (1.0 - min(DIM * bend / (whole + TINY), MOST_MISSED))
+            ax += more * bx
+            ay += more * by
+            az += more * bz
+            held *= more
+            if RADIAL:
+                hxx, hxy, hxz = more * hxx, more * hxy, more * hxz
+                hyy, hyz, hzz = more * hyy, more * hyz, more * hzz
         height = rest_height(i, x, rest_axis, DIM)
         lift = rest_weight_at(height, rest_weight) * inverse_density
         a[i, 0] = ax + gravity[0] - lift * rest_axis[0]

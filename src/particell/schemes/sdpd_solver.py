@@ -177,6 +177,7 @@ class SDPDSolver:
             "SWITCH": 0,
             "NORMAL": scheme.normalise_viscosity,
             "UNKNOWN": "wall_distance" in particles,
+            "PARABOLIC": bool(neighbours.constants["WALLS"]) and not scheme.fluctuations,
             "BATCH": batch_size(device),
             "RECORD": RECORD[dim],
             "MATTER": MATTER[dim],
@@ -246,7 +247,7 @@ class SDPDSolver:
         if self.leapfrog:
             half = {**fields, "density": fields["density_half"]}
             quiet = {**o, "NOISE": False, "SHIFT": False, "MIXED": False, "RADIAL": False}
-            quiet |= {"SWITCH": 0, "NORMAL": False, "LEAD": False}
+            quiet |= {"SWITCH": 0, "NORMAL": False, "LEAD": False, "PARABOLIC": False}
             self._density_rates = bind(rates, half, **quiet, DENSITY=True, FORCE=False)
             self._pack_half = bind(pack, half, **record, LEAD=False, HELD=FREE)
             self.predict_density = bind(updates.predict_density, fields)

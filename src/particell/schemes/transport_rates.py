@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from particell.boundaries.wall import extrapolation, plane_extrapolation, surface_distance
+from particell.boundaries.wall import extrapolation, plane_distances, surface_distance
 from particell.compute.batches import batch_buffer, batch_row, whole_lanes
 from particell.compute.device import Device
 from particell.compute.loop import particle_loop
@@ -237,11 +237,12 @@ def flux_rates(
                         nz,
                         wall_curvature[j],
                     )
-                    grow, is_fluid = extrapolation(distance, depth, hi), 0.0
+                    grow, is_fluid = extrapolation(distance, depth, hi, wall_curvature[j], DIM), 0.0
                     if UNKNOWN and nx == 0.0 and ny == 0.0 and nz == 0.0:
-                        grow = plane_extrapolation(
-                            i, dx, dy, dz, wall_direction, wall_distance, hi, DIM
+                        distance, depth = plane_distances(
+                            i, dx, dy, dz, wall_direction, wall_distance, DIM
                         )
+                        grow = extrapolation(distance, depth, hi, 0.0, DIM)
                 flux_wall[c * two] = grow
                 flux_wall[c * two + one] = is_fluid
             c += np.uint64(r2 < reach2)

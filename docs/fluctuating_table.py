@@ -137,12 +137,10 @@ class Entry:
         for length in (k, k * math.sqrt(2)):
             rate = decay_rate(found, length)
             nu = self.theta**-0.5 * self.support / ratio
-            part = nu * length**2 * plain.dt  # velocity-Verlet does 1 - part a step
-            exact = (
-                nu * length**2 * friction_transform(length * self.support, self.kernel, self.dim)
-            )
-            exact *= -math.log1p(-part) / part
-            ratios.append((rate.value / exact, rate.error / exact))
+            seen = friction_transform(length * self.support, self.kernel, self.dim)
+            part = nu * length**2 * seen * plain.dt  # velocity-Verlet does 1 - part a step
+            left = math.exp(-rate.value * plain.dt)
+            ratios.append(((1 - left) / part, rate.error * plain.dt * left / part))
         value, error = np.array(ratios).T
         weight = error**-2.0
         return float((value * weight).sum() / weight.sum()), float(weight.sum() ** -0.5)

@@ -13,7 +13,7 @@ from particell.cli import call
 from particell.errors import HealthWarning
 from particell.health import beyond, foresee
 from particell.health.finding import Finding
-from systems import unit_fluid
+from systems import UNIT_TEMPERATURE, unit_fluid
 
 WATER = unit_fluid(viscosity=0.1)
 
@@ -65,6 +65,28 @@ def test_thin_walls_and_those_of_another_spacing():
     assert names(foresee(channel(pc.SDPD(kernel="wendland-c2", support=4.0)))) == ["wall layers:"]
     coarse = foresee(channel(pc.SDPD(support=4.0), layers=4, wall_spacing=0.5))
     assert "wall spacing" in names(coarse)
+
+
+@pytest.mark.parametrize(
+    ("scheme", "sound_speed", "said"),
+    [
+        ({}, 30.0, None),
+        ({"support": 2.4, "kernel": "wendland-c2"}, 30.0, None),
+        ({"support": 2.0, "kernel": "wendland-c2"}, 30.0, "larger support, 2.5 to 3"),
+        ({"support": 2.0, "kernel": "quintic-spline"}, 30.0, "larger support, 2.5 to 3"),
+        ({"support": 4.5}, 30.0, "from 2 to 4 spacings in 2D, not for 4.5"),
+        ({}, 300.0, "from 0.0001 to 0.004 in 2D"),
+        ({}, 8.0, "give another sound_speed"),
+        ({"density": "continuity"}, 300.0, None),
+        ({"fluctuations": False}, 300.0, None),
+    ],
+)
+def test_noise_that_was_not_measured_or_makes_a_soft_fluid(scheme, sound_speed, said):
+    hot = unit_fluid(viscosity=20.0, sound_speed=sound_speed, temperature=UNIT_TEMPERATURE)
+    box = pc.Domain((0, 0), (14, 14), periodic="xy", depth=1.0)
+    given = pc.SDPD(**{"fluctuations": True, "density": "summation", **scheme})
+    found = beyond(foresee(pc.Simulation(box, pc.fluid(box, hot, 1.0), given)))
+    assert [said in f.line for f in found] == ([True] if said else [])
 
 
 def test_a_plate_between_two_fluids_is_seen_through():
@@ -147,7 +169,7 @@ def test_noise_is_allowed_for():
     simulation = pc.Simulation(box, pc.fluid(box, warm, 1.0), scheme, seed=1)
     run = simulation.run(simulation.dt * 400, progress=False)
     assert names(run.health) == []
-    assert len(run.health) == 4
+    assert len(run.health) == 7
 
 
 def test_a_particle_that_has_lost_all_others():

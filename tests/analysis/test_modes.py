@@ -14,6 +14,7 @@ from particell.analysis.modes import (
     responses,
     slopes,
     sound,
+    sound_answer,
     virial_pressure,
     waves_up_to,
 )
@@ -76,15 +77,27 @@ def test_waves_come_once_and_directions_are_orthonormal(dim, number):
 def test_friction_of_long_waves_is_the_viscosity_and_of_short_ones_less(dim):
     for kernel in CODES:
         assert friction_transform(1e-2, kernel, dim) == pytest.approx(1, abs=1e-5)
+        found = friction_transform(1e-2, kernel, dim, along=True)
+        assert found == pytest.approx(2 * (1 - 1 / dim), abs=1e-5)
     # a fine lattice knows the transform of a wave as long as 7 supports
     wave = np.eye(dim)[0] * 0.9 / 6
-    along = np.eye(dim)[1]
-    fine = lattice_viscosity(dim, 6.0, 1.0, 0.0, wave, along)
-    assert friction_transform(0.9, "lucy", dim) == pytest.approx(fine, rel=2e-3)
+    for along in (False, True):
+        fine = lattice_viscosity(dim, 6.0, 1.0, 0.0, wave, np.eye(dim)[0 if along else 1])
+        assert friction_transform(0.9, "lucy", dim, along) == pytest.approx(fine, rel=2e-3)
+
+
+def test_velocity_verlet_tends_to_the_exact_motion_by_its_order():
+    """And is what the map of one step makes of it: det = 1 − λ dt, trace = 2 − λ dt − ω² dt²."""
+    time = np.linspace(0, 4, 5)
+    exact = sound_answer(time, 1.5, 0.8)
+    error = [np.abs(sound_answer(time, 1.5, 0.8, dt) - exact).max() for dt in (0.02, 0.01)]
+    assert 1.8 < error[0] / error[1] < 2.3  # the friction is half a step late
+    v = sound_answer(0.1 * np.arange(20), 1.5, 0.8, 0.1)[2:]
+    assert v[2:] == pytest.approx((2 - 0.08 - 0.0225) * v[1:-1] - (1 - 0.08) * v[:-2], abs=1e-12)
 
 
 def test_a_lattice_without_noise_decays_as_its_sum_says():
-    """Transverse waves of a resting lattice: −ln(1 − ν k² dt) a step, of velocity-Verlet."""
+    """Transverse waves of a resting lattice: ν k², as without noise friction leads half a step."""
     material = unit_fluid(viscosity=0.5, sound_speed=5.0)
     pair = [periodic_lattice(16, 2, material, density="summation") for _ in range(2)]
     p = pair[0].particles
@@ -94,7 +107,7 @@ def test_a_lattice_without_noise_decays_as_its_sum_says():
     found = responses(*pair, states, waves, steps, 1e-6)
     k = 2 * np.pi / 16
     nu = 0.5 * lattice_viscosity(2, 3.0, 1.0, 0.0, np.array([k, 0.0]), np.array([0.0, 1.0]))
-    rate = -np.log1p(-nu * k * k * pair[0].dt) / pair[0].dt
+    rate = nu * k * k
     # velocities at whole steps, and the first half step
     assert decay_rate(found, k).value == pytest.approx(rate, rel=2e-3)
     c, attenuation = sound(found, k, (5.0, 0.5))

@@ -241,7 +241,9 @@ def decay_rate(answers: Responses, wave_number: float) -> Estimate:
     return jackknife(transverse, rate)[0]
 
 
-def sound(answers: Responses, wave_number: float, guess: tuple[float, float]) -> list[Estimate]:
+def sound(
+    answers: Responses, wave_number: float, guess: tuple[float, float], dt: float | None = None
+) -> list[Estimate]:
     r"""Sound speed in m/s and longitudinal viscosity in m²/s of a wave.
 
     The answer of :math:`\ddot u + \nu_l k^2\dot u + c^2k^2 u = 0` from u = 1,
@@ -253,37 +255,69 @@ def sound(answers: Responses, wave_number: float, guess: tuple[float, float]) ->
         What was measured.
     guess
         Of both numbers.
+    dt
+        Time step in s: that of velocity-Verlet, whose answer differs where a wave decays in few
+        steps. None: the exact answer.
     """
     longitudinal, _ = answers.of_length(wave_number)
-    time, k = answers.time, wave_number
-
-    def model(c: float, nu: float) -> np.ndarray:
-        half = 0.5 * nu * k * k
-        omega = np.emath.sqrt((c * k) ** 2 - half**2 + 0j) + 1e-12 / time[-1]
-        turn = omega * time
-        return (np.exp(-half * time) * (np.cos(turn) - half / omega * np.sin(turn))).real
+    k = wave_number
 
     def fitted(mean: np.ndarray) -> np.ndarray:
         def misfit(scale: np.ndarray) -> np.ndarray:
-            return model(scale[0] * guess[0], scale[1] * guess[1]) - mean
+            c, nu = scale * guess
+            return sound_answer(answers.time, c * k, nu * k * k, dt) - mean
 
         return least_squares(misfit, [1.0, 1.0]).x * guess
 
     return jackknife(longitudinal, fitted)
 
 
-def friction_transform(q: float, kernel: str, dim: int) -> float:
-    """Shear viscosity of a wave over that of long ones, at q = k h and ζ = 0, for 2D and 3D."""
+def sound_answer(
+    time: np.ndarray, frequency: float, rate: float, dt: float | None = None
+) -> np.ndarray:
+    r"""Velocity of :math:`\ddot q = -\omega^2q - \lambda\dot q` after q = 0, v = 1.
+
+    Parameters
+    ----------
+    time
+        (t,) in s.
+    frequency, rate
+        ω and λ in 1/s.
+    dt
+        Time step of velocity-Verlet (kick, drift, new force with the velocity half a step before,
+        kick), or None for the exact motion.
+    """
+    if dt is None:
+        half = 0.5 * rate
+        omega = np.emath.sqrt(frequency**2 - half**2 + 0j) + 1e-12 / time[-1]
+        turn = omega * time
+        return (np.exp(-half * time) * (np.cos(turn) - half / omega * np.sin(turn))).real
+    steps = np.rint(time / dt).astype(int)
+    q, v, a, found = 0.0, 1.0, -rate, [1.0]
+    for _ in range(steps[-1]):
+        v += 0.5 * dt * a
+        q += dt * v
+        a = -(frequency**2) * q - rate * v
+        v += 0.5 * dt * a
+        found.append(v)
+    return np.array(found)[steps]
+
+
+def friction_transform(q: float, kernel: str, dim: int, along: bool = False) -> float:
+    """Viscosity of a transverse wave (or of one ``along`` k) over that of long transverse ones.
+
+    At q = k h and ζ = 0, in 2D and 3D; along k it is 2(1 − 1/D) of long waves.
+    """
     code = kernel_code(kernel)
     transverse, radial = friction_coefficients(1.0, 0.0, dim)
     # over directions: μ = cos of the angle with k, and the mean of (e·v)² at it
-    angle = (np.arange(400) + 0.5) * math.pi / 400
+    angle = (np.arange(800) + 0.5) * math.pi / 800
     mu = np.cos(angle)
     weight = np.ones_like(mu) * 2 * math.pi if dim == 2 else 2 * math.pi**2 * np.sin(angle)
-    across = (1 - mu**2) / (1.0 if dim == 2 else 2.0)
+    part = mu**2 if along else (1 - mu**2) / (1.0 if dim == 2 else 2.0)
 
     def shell(r: float) -> float:
-        moment = ((transverse + radial * across) * (1 - np.cos(q * r * mu)) * weight).mean()
+        moment = ((transverse + radial * part) * (1 - np.cos(q * r * mu)) * weight).mean()
         return shape_f.py_func(r, code) * moment * r ** (dim - 1)
 
     return float(normalisation(code, dim) * quad(shell, 0, 1, limit=200)[0] / q**2)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from particell.health.finding import Finding, beyond
 from particell.health.flow import Watch
+from particell.health.noise import of_noise
 from particell.health.species import of_species
 from particell.health.walls import of_walls
 
@@ -21,11 +22,11 @@ __all__ = ["Finding", "Watch", "beyond", "examine", "foresee"]
 
 def foresee(simulation: Simulation) -> list[Finding]:
     """What is known before a simulation runs."""
-    return list(of_walls(simulation))
+    return [*of_walls(simulation), *of_noise(simulation)]
 
 
 def examine(simulation: Simulation) -> list[Finding]:
     """Everything: the description, the present state, and the worst of the frames so far."""
     simulation.start()
     simulation.watch.look()
-    return [*of_walls(simulation), *simulation.watch.findings(), *of_species(simulation)]
+    return [*foresee(simulation), *simulation.watch.findings(), *of_species(simulation)]

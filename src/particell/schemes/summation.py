@@ -28,9 +28,10 @@ known as ever. In it
 
 s, K, f and g depend on the kernel, its support in spacings, the dimension and
 :math:`\theta = k_BT/(m c_p^2)` alone. They were measured (``docs/fluctuating_table.py``), once and
-for all fluids, in periodic boxes with γ = 7. Between the table's supports and strengths they are
-interpolated; outside, those of the nearest hold, and for a kernel that the table has not, Lucy's.
-In one dimension s is the lattice's.
+for all fluids, in periodic boxes with γ = 7, for every kernel, supports from 2 to 4 spacings (3 in
+3D) and θ from 10⁻⁴ to 4·10⁻³ (10⁻³ in 3D). Between they are interpolated, linearly in the support
+and in the logarithm of θ; outside, the nearest hold, and the run's health says so
+(:mod:`particell.health.noise`). In one dimension s is the lattice's.
 
 Without noise particles stay where a lattice or a packing has put them: there s is the sum of the
 kernel over the square (cubic) lattice, and nothing else is changed.
@@ -149,12 +150,8 @@ def fluctuating_fluid(
     length
         The support in m.
     """
-    assert material.temperature is not None and material.sound_speed is not None
-    energy = BOLTZMANN * material.temperature / mass
-    theta = energy / material.sound_speed**2
-    for _ in range(20):  # θ is that of the particles: a contraction, K hardly depends on it
-        found = disorder(kernel, support, dim, theta)
-        theta = energy * found.stiffness / material.sound_speed**2
+    assert material.sound_speed is not None
+    found, theta = disorder_of(kernel, support, dim, material, mass)
     sound_speed = material.sound_speed / math.sqrt(found.stiffness)
     carried = found.collisions * material.density * sound_speed * length
     carried = min(carried, MOST_COLLISIONS * material.viscosity)
@@ -171,6 +168,18 @@ def fluctuating_fluid(
     return DiscreteFluid(given, found.density_sum * (1.0 + shift), confinement)
 
 
+def disorder_of(
+    kernel: str, support: float, dim: int, material: Fluid, mass: float
+) -> tuple[Disorder, float]:
+    """The table's entry for a fluid of particles of a mass in kg, and their θ."""
+    assert material.temperature is not None and material.sound_speed is not None
+    theta = asked = BOLTZMANN * material.temperature / (mass * material.sound_speed**2)
+    for _ in range(20):  # θ is that of the particles: a contraction, K hardly depends on it
+        found = disorder(kernel, support, dim, theta)
+        theta = asked * found.stiffness
+    return found, theta
+
+
 def confinement_of(theta: float) -> float:
     """P_c/(ρ c_p²) at θ = k_BT/(m c_p²)."""
     return min(math.sqrt(theta), MOST_CONFINED * theta)
@@ -178,14 +187,22 @@ def confinement_of(theta: float) -> float:
 
 def disorder(kernel: str, support: float, dim: int, theta: float) -> Disorder:
     """The table's entry for a kernel, its support in spacings, D = 2 or 3, and θ, interpolated."""
-    table = _table().get((kernel, dim)) or _table()["lucy", dim]
+    table = _table()[kernel, dim]
     supports = sorted(table)
-    # first along θ at every support, then between supports
+    # first along ln θ at every support, then between supports
     values = [
-        [np.interp(theta, table[h][:, 0], table[h][:, k]) for k in range(1, 5)] for h in supports
+        [np.interp(math.log(theta), np.log(table[h][:, 0]), table[h][:, k]) for k in range(1, 5)]
+        for h in supports
     ]
     found = [float(np.interp(support, supports, column)) for column in np.transpose(values)]
     return Disorder(*found)
+
+
+def measured_range(kernel: str, dim: int) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Least and largest support in spacings, and θ, of a kernel's rows in the table."""
+    table = _table()[kernel, dim]
+    theta = np.concatenate([rows[:, 0] for rows in table.values()])
+    return (min(table), max(table)), (float(theta.min()), float(theta.max()))
 
 
 @functools.cache

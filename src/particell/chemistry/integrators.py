@@ -49,6 +49,8 @@ NOTHING = 1e-100
 #: Where rate laws that do not vanish by themselves do so, in units of the largest concentration.
 EDGE = 1e-24
 #: Negative concentrations down to this part of the species' largest are round-off, and set to zero.
+#: So are those down to ``EDGE`` of the particle's largest: what comes from the start of a chain of
+#: six species begins as a power of the step that a method of third order need not make positive.
 ROUND_OFF = 1e-15
 #: Error of sums of rates that cancel, in units of their sizes.
 CANCELLATION = 1e-14
@@ -210,7 +212,7 @@ def explicit_step(w, n, species, h, size, reactants, net, law, choose):
             error += ERROR[stage] * w[(stage + 1) * n + s]
         noise = CANCELLATION * h * w[gross + s]
         worst = max(worst, abs(h * error) / (tolerance(w[s], new, w[largest + s], size) + noise))
-        if not new >= -ROUND_OFF * w[largest + s] - noise:
+        if not new >= -ROUND_OFF * w[largest + s] - noise - edge:
             worst = math.inf  # a NaN too
     return worst
 
@@ -300,7 +302,7 @@ def implicit_step(w, n, species, h, size, reactants, net, law, choose):
         w[n + s] = w[7 * n + s]
         allowed = tolerance(w[s], new, w[largest + s], size) + w[noise + s]
         worst = max(worst, abs(w[4 * n + s]) / allowed)
-        if not new >= -ROUND_OFF * w[largest + s] - w[noise + s]:
+        if not new >= -ROUND_OFF * w[largest + s] - w[noise + s] - edge:
             worst = math.inf
     return worst
 

@@ -15,7 +15,8 @@ the Rosenbrock method RODAS3 (four stages, third order, L-stable, an embedded
 second-order solution) goes on. Its Jacobian is exact for mass action and by differences for
 user-given laws; either way stoichiometric invariants are kept to round-off.
 
-**What runs out.** A sub-step that would make a concentration negative is halved. A user-given law
+**What runs out.** A sub-step that would make a concentration negative, beyond round-off and 10⁻²⁴
+of the particle's largest, is halved. A user-given law
 that does not vanish where what it consumes runs out is multiplied by :math:`C/(C+\epsilon)`, with
 :math:`\epsilon` 10⁻²⁴ of the largest concentration: what is consumed falls to zero at the place
 where the law brings it there and stays, or is used up as fast as it comes.

@@ -390,8 +390,9 @@ def advance(w, n, species, left, h, target, reactants, net, law, choose):
             error = explicit_step(w, n, species, trial, size, reactants, net, law, choose)
             tried += 1
             if tried > MOST_TRIED and not searching:
+                # with steps as long as these: tried with the whole time it may end where what
+                # grows would be in equilibrium, an unstable one, with no error to be seen
                 stiff = True
-                h, trial = left, limit
                 continue
         if not searching and not error <= 1.0:
             trial *= max(0.1, 0.9 * error**power) if error < math.inf else 0.5

@@ -85,6 +85,50 @@ def test_what_begins_at_zero(lattice):
         assert chem.substeps < 200
 
 
+@pytest.mark.parametrize("members", [6, 8, 12])
+def test_what_begins_at_zero_beside_what_is_fast(lattice, members):
+    """A chain from its first member, by the implicit method from the first sub-step on.
+
+    Its sixth member begins with -h⁵/48 in a step of h, for every h.
+    """
+    names = "ABCDEFGHIJKL"[:members]
+    reactions = [Reaction(f"{a} -> {b}", 1.0) for a, b in pairwise(names)]
+    reactions.append(Reaction("X <-> Y", 1e5, 1e5))
+    law = np.diag([-1.0] * (members - 1) + [0.0]) + np.diag([1.0] * (members - 1), -1)
+    chem = chemistry(lattice, dict.fromkeys(names + "Y", 0.0) | {"A": 1.0, "X": 1.0}, reactions)
+    chem.step(0, 1.0)
+    found = values(chem, names)
+    np.testing.assert_allclose(found, expm(law)[:, 0], rtol=3e-6)
+    assert found.sum() == pytest.approx(1.0, rel=1e-14)
+    assert chem.substeps < 3000  # the last one is followed from 10⁻²⁰ on
+
+
+def test_association_from_nothing(lattice):
+    """Ligands bind one after the other: the equations of a receptor, stiff, and nothing bound."""
+    on, off, close, rest = 3e5, 8e3, 3e4, 20.0
+    reactions = [
+        Reaction("R + L <-> RL", on, off),
+        Reaction("RL + L <-> RLL", on, off),
+        Reaction("RLL <-> O", close, rest),
+        Reaction("O <-> I", rest, rest),
+        Reaction("I <-> D", 0.05, 1e-3),
+    ]
+    start = {"R": 1e-3, "L": 1e-2} | dict.fromkeys(["RL", "RLL", "O", "I", "D"], 0.0)
+
+    def slope(t, y):
+        r, ligand, one, two, o, i, d = y
+        a, b = on * r * ligand - off * one, on * one * ligand - off * two
+        c, e, f = close * two - rest * o, rest * (o - i), 0.05 * i - 1e-3 * d
+        return [-a, -a - b, a - b, b - c, c - e, e - f, f]
+
+    options = {"method": "Radau", "rtol": 1e-11, "atol": 1e-22}
+    for t in (0.01, 5.0):
+        exact = solve_ivp(slope, (0, t), list(start.values()), **options).y[:, -1]
+        chem = chemistry(lattice, start, reactions)
+        chem.step(0, t)
+        np.testing.assert_allclose(values(chem, start), exact, rtol=3e-6)
+
+
 def test_what_has_gone_costs_nothing(lattice):
     """Down to nothing, without small steps on the way or when it is there."""
     reactions = [Reaction("A -> 0", 40.0), Reaction("B -> 0", 1e-2)]

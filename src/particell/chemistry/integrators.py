@@ -15,7 +15,8 @@ the Rosenbrock method RODAS3 (four stages, third order, L-stable, an embedded
 second-order solution) goes on. Its Jacobian is exact for mass action and by differences for
 user-given laws; either way stoichiometric invariants are kept to round-off.
 
-**What runs out.** A sub-step that would make a concentration negative is halved. A user-given law
+**What runs out.** A sub-step that would make a concentration negative, beyond round-off and 10⁻²⁴
+of the particle's largest, is halved. A user-given law
 that does not vanish where what it consumes runs out is multiplied by :math:`C/(C+\epsilon)`, with
 :math:`\epsilon` 10⁻²⁴ of the largest concentration: what is consumed falls to zero at the place
 where the law brings it there and stays, or is used up as fast as it comes.
@@ -49,6 +50,8 @@ NOTHING = 1e-100
 #: Where rate laws that do not vanish by themselves do so, in units of the largest concentration.
 EDGE = 1e-24
 #: Negative concentrations down to this part of the species' largest are round-off, and set to zero.
+#: So are those down to ``EDGE`` of the particle's largest: what comes from the start of a chain of
+#: six species begins as a power of the step that a method of third order need not make positive.
 ROUND_OFF = 1e-15
 #: Error of sums of rates that cancel, in units of their sizes.
 CANCELLATION = 1e-14
@@ -210,7 +213,7 @@ def explicit_step(w, n, species, h, size, reactants, net, law, choose):
             error += ERROR[stage] * w[(stage + 1) * n + s]
         noise = CANCELLATION * h * w[gross + s]
         worst = max(worst, abs(h * error) / (tolerance(w[s], new, w[largest + s], size) + noise))
-        if not new >= -ROUND_OFF * w[largest + s] - noise:
+        if not new >= -ROUND_OFF * w[largest + s] - noise - edge:
             worst = math.inf  # a NaN too
     return worst
 
@@ -300,7 +303,7 @@ def implicit_step(w, n, species, h, size, reactants, net, law, choose):
         w[n + s] = w[7 * n + s]
         allowed = tolerance(w[s], new, w[largest + s], size) + w[noise + s]
         worst = max(worst, abs(w[4 * n + s]) / allowed)
-        if not new >= -ROUND_OFF * w[largest + s] - w[noise + s]:
+        if not new >= -ROUND_OFF * w[largest + s] - w[noise + s] - edge:
             worst = math.inf
     return worst
 
@@ -387,8 +390,9 @@ def advance(w, n, species, left, h, target, reactants, net, law, choose):
             error = explicit_step(w, n, species, trial, size, reactants, net, law, choose)
             tried += 1
             if tried > MOST_TRIED and not searching:
+                # with steps as long as these: tried with the whole time it may end where what
+                # grows would be in equilibrium, an unstable one, with no error to be seen
                 stiff = True
-                h, trial = left, limit
                 continue
         if not searching and not error <= 1.0:
             trial *= max(0.1, 0.9 * error**power) if error < math.inf else 0.5

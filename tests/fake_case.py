@@ -15,6 +15,7 @@ from particell import plots
 from particell.cases.base import Case, Context, Diffusivity, Length, Metric, Time
 from particell.errors import InputError, Interrupted, RunError
 from particell.geometry.domain import Domain
+from particell.health import Finding
 from particell.output.checkpoint import write_checkpoint
 from particell.output.run import CHECKPOINT, TRAJECTORY, Run
 from particell.output.trajectory import TrajectoryWriter
@@ -30,6 +31,9 @@ class WalkSimulation:
         self.position = self.random.random((case.particles, 2)) * case.side
         self.step, self.dt = 0, 0.1
         self.settings = {"kernel": "lucy", "support": 3e-6, "dt": self.dt}
+
+    def health(self) -> list[Finding]:
+        return []
 
     @property
     def time(self) -> float:

@@ -80,7 +80,7 @@ def test_a_closed_column_rests(scheme, jitter):
 
 @pytest.mark.parametrize("kernel", ["wendland-c2", "quintic-spline"])
 def test_with_summed_density(kernel):
-    """Where the kernel sum is far from 1, 1.02 to 1.05 at two spacings: it divides pressures too."""
+    """Where the kernel sum is far from 1 (1.02 to 1.05): it divides pressures too."""
     options = {"density": "summation", "kernel": kernel, "support": 2.0}
     simulation = column(SDPD, (8, 16), (0.0, -1 / 16), **options)
     rests(simulation, lambda x: -x[:, 1] / 16, 100.0)

@@ -219,7 +219,38 @@ def stirred() -> dict:
     }
 
 
-FILES = [rich, still, stirred, small]
+def solid() -> dict:
+    """A ball in three dimensions, by the scheme for noise."""
+    edge = ["= edge"] * 3
+    grid = {"type": "lattice", "spacing": "= spacing", "shape": "room"}
+    layers = {"type": "shells", "ball": "ball", "inner": 0, "outer": "4 um", "spacing": "2 um"}
+    return {
+        "constants": {"edge": "16 um", "spacing": "2 um"},
+        "domain": {"lower": [0, 0, 0], "upper": edge, "periodic": "xyz"},
+        "materials": {"water": {"density": 1000, "viscosity": "1 mPa*s"}},
+        "shapes": {
+            "all": {"type": "Box", "lower": [0, 0, 0], "upper": edge},
+            "ball": {"type": "Ball", "center": ["8 um"] * 3, "radius": "4 um"},
+            "room": {"type": "difference", "of": ["all", "ball"]},
+        },
+        "phases": [
+            {"type": "Phase", "name": "fluid", "material": "water", "fill": grid},
+            {
+                "type": "Phase",
+                "name": "ball",
+                "material": "water",
+                "kind": "wall",
+                "fill": layers,
+                "surface": "ball",
+                "spacing": "2 um",
+            },
+        ],
+        "scheme": {"type": "SDPD", "support": 2.5, "reference_speed": "1 mm/s"},
+        "run": {"until": "1 us"},
+    }
+
+
+FILES = [rich, still, stirred, solid, small]
 
 
 def types(value) -> set[str]:

@@ -78,12 +78,12 @@ PAIRS = [
     (
         chemistry.InitialTable,
         Chemistry.set_concentration,
-        {"self": "", "name": "'species'", "values": "'concentration'"},
+        {"self": "", "name": "'species'", "values": "'concentration'", "by_id": "for arrays"},
     ),
     (
         chemistry.InitialTable,
         Chemistry.set_count,
-        {"self": "", "name": "'species'", "values": "'count'"},
+        {"self": "", "name": "'species'", "values": "'count'", "by_id": "for arrays"},
     ),
     (boundaries.ReflectionTable, pc.Reflection, {}),
     (boundaries.SpongeTable, pc.Sponge, {}),
@@ -104,9 +104,11 @@ ELSEWHERE = {
     "export_vtkhdf": "particell export",
     **dict.fromkeys(("Run", "EnsembleRun"), "what is read afterwards"),
     "SBMLModel": "what read_sbml gives",
+    "equilibrated": "it runs a fluid; its points go into a file",
     **dict.fromkeys(
         ("InputError", "Interrupted", "RunError", "EnsembleInterrupted"), "exit status"
     ),
+    "LawWarning": "a line, and one in the summary",
 }
 
 

@@ -7,6 +7,7 @@ import warnings
 import numpy as np
 import pytest
 
+import particell as pc
 from particell.chemistry.reactions import Reaction
 from particell.chemistry.species import Species
 from particell.errors import LawWarning, RunError
@@ -171,3 +172,25 @@ def test_numbers_near_the_largest(lattice):
     # Poisson of mean 100: 5.5 sigma, false-alarm rate 4e-8
     assert abs(got.mean() - 100) < 5.5 * np.sqrt(100 / len(got))
     assert (chem.count("A") + got == 10**15).all()
+
+
+@pytest.mark.parametrize(
+    ("start", "diffusivity", "every", "depth"),
+    [(4.0, 0.0, 0.3, None), (5.0, 1e-12, 0.1, None), (5.0, 0.0, 0.3, 1e-6)],
+)
+def test_nothing_is_left_of_what_ran_out(start, diffusivity, every, depth):
+    """Of a residue of 1e-41 a constant sink would take everything within 1e-41 s."""
+    line = pc.Domain((0,), (1e-5,), periodic="x", depth=depth)
+    simulation = pc.Simulation(
+        line,
+        pc.fluid(line, pc.Fluid(density=1000, viscosity=1e-3), 1e-6),
+        pc.Static(),
+        [pc.Species("B", diffusivity)],
+        [pc.Reaction("B -> 0", 3.0, rate_law=lambda C, k: k)],
+    )
+    simulation.chemistry.set_concentration("B", start)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", pc.LawWarning)
+        run = simulation.run(until=3.0, every=every, progress=False)
+    left = np.maximum(start - 3.0 * run.times, 0.0)
+    assert run.field("concentration/B")[:].mean(axis=1) == pytest.approx(left, abs=1e-5 * start)

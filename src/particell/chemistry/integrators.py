@@ -49,6 +49,8 @@ UNRESOLVED = 1e-20
 NOTHING = 1e-100
 #: Where rate laws that do not vanish by themselves do so, in units of the largest concentration.
 EDGE = 1e-24
+#: What is less than this part of what could react in the time left is a residue.
+RESIDUE = 1e-15
 #: Negative concentrations down to this part of the species' largest are round-off, and set to zero.
 #: So are those down to ``EDGE`` of the particle's largest: what comes from the start of a chain of
 #: six species begins as a power of the step that a method of third order need not make positive.
@@ -349,6 +351,14 @@ def advance(w, n, species, left, h, target, reactants, net, law, choose):
             for s in range(species):
                 size = max(size, w[s])
             derivatives(w, now, n, gross, n, species, EDGE * size, reactants, net, law, choose)
+            for s in range(species):
+                fastest = max(fastest, abs(w[n + s]))
+            if size < RESIDUE * fastest * left < math.inf:
+                # all that is left is a residue of what laws that do not vanish could take: they
+                # end at the edge of that, not at the residue's, where it would be gone at once
+                size = fastest * left
+                derivatives(w, now, n, gross, n, species, EDGE * size, reactants, net, law, choose)
+                fastest = 0.0
             for s in range(n):
                 if not abs(w[n + s]) < math.inf:
                     return left, h, -1

@@ -106,6 +106,7 @@ def test_the_switch_acts_in_the_sweep(dim):
     for simulation in (off, on):
         p = simulation.particles
         p.set("density", np.full(len(p), 0.9))
+        p.set("a", 0.0)  # friction acts at the velocity that it leads to
         simulation.solver._thermodynamics(0.0)
         simulation.solver.accelerate(0, 1.0)
     assert np.abs(off.particles.host("a")).max() > 1.0
@@ -332,6 +333,7 @@ def test_pressure_differences_exert_no_force_under_a_uniform_pressure(dim):
         simulation = system(dim, 8, pressure_force=form)
         p = simulation.particles
         p.set("density", np.full(len(p), 1.05))
+        p.set("a", 0.0)  # friction acts at the velocity that it leads to
         simulation.solver._thermodynamics(0.0)
         simulation.solver.accelerate(0, 0.01)
         accelerations.append(np.abs(p.host("a")).max())

@@ -220,3 +220,11 @@ def test_frames_closer_than_a_step_of_the_species():
     largest = simulation.largest_step()
     assert simulation.plan(1.5 * largest) == 2
     assert simulation.dt == pytest.approx(0.75 * largest)
+
+
+def test_a_second_run_has_frames_of_its_own():
+    """By default a tenth of what is left, not of where it ends."""
+    simulation = periodic_lattice(8, 2, dt=0.01)
+    simulation.run(until=0.1, progress=False)
+    run = simulation.run(until=0.3, progress=False)
+    assert run.times == pytest.approx(np.linspace(0.1, 0.3, 11))

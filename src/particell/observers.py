@@ -209,7 +209,7 @@ def run_with_observers(
         if simulation.resumed and out is not None and until <= simulation.time * (1 + 1e-9):
             return Run(out)
         raise InputError("until", until, f"later than the present time {simulation.time:g} s")
-    every = until / 10 if every is None else every
+    every = (until - simulation.time) / 10 if every is None else every
     if not 0 < every <= until * (1 + 1e-9):
         raise InputError("every", every, f"positive and at most 'until' = {until:g} s")
     _check_stop(simulation, stop)

@@ -333,7 +333,7 @@ class Simulation:
             Time in s to advance to.
         every
             Interval in s of frames, a whole part of the time to run; by default a tenth of
-            ``until``.
+            that.
         out
             Directory for ``run.h5`` and ``checkpoint.h5``, or None to keep frames in memory.
         progress

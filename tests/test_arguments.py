@@ -187,7 +187,16 @@ EXAMPLES = {
 }
 EXAMPLES |= {pc.Circle: EXAMPLES[pc.Ball], pc.Sphere: EXAMPLES[pc.Ball]}
 #: What others have tests of: errors, and what is made from files and functions.
-ELSEWHERE = {"InputError", "Interrupted", "LawWarning", "RunError", "Run", "SBMLModel", "read_sbml"}
+ELSEWHERE = {
+    "equilibrated",  # it runs a fluid
+    "InputError",
+    "Interrupted",
+    "LawWarning",
+    "RunError",
+    "Run",
+    "SBMLModel",
+    "read_sbml",
+}
 ELSEWHERE |= {"Ensemble", "EnsembleInterrupted", "EnsembleRun", "export_vtkhdf"}
 
 #: Numbers that may be negative (and zero), and that may be zero.

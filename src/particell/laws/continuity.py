@@ -12,7 +12,8 @@ removes the noise of the pressure; δ = 0.1 by default. It is dissipation withou
 is therefore refused together with thermal noise.
 
 :math:`\rho^H_{ij}` is the difference of density of two points of a fluid at rest under the body
-force per mass w (gravity and buoyancy), with :math:`\beta = d\ln\rho/dP` of the equation of state
+force per mass w (gravity and buoyancy, along directions that are not periodic: along a periodic one
+pressure has no slope), with :math:`\beta = d\ln\rho/dP` of the equation of state
 and bars for what holds in the pair's middle: without it a fluid that rests would be pumped up its
 own pressure gradient for ever. It is taken from the equation of state as Fourtakas et al. do
 (Comput. Fluids 190 (2019) 346), but at the pair's density, so that it holds for any exponent. What

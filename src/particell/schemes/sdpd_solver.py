@@ -142,6 +142,7 @@ class SDPDSolver:
             "equation": array(np.array([equations.index(e) for e in equations])),
             "thermal": array(self.thermal),
             "gravity": array(gravity),
+            "closed": array(np.where(domain.periodic, 0.0, 1.0)),
             "key0": key[0],
             "key1": key[1],
             "reference": array(np.array([m.density for m in by_group])),
@@ -167,7 +168,9 @@ class SDPDSolver:
             "MIXED": len(pairings) > 1,
             "RADIAL": any(f[1] != 0 for f in friction),
             "DELTA": scheme.delta > 0,
-            "HEAD": 1 if np.any(gravity) else 0,  # 2 with forces besides
+            "HEAD": 1
+            if np.any(gravity[~np.array(domain.periodic)])
+            else 0,  # 2 with forces besides
             "PARTED": len(set(equations)) > 1,
             "LEAD": not (scheme.fluctuations or self.trapezoidal),
             "NOISE": scheme.fluctuations,

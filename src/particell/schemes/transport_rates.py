@@ -100,6 +100,7 @@ def flux_rates(
     group,
     diffusion,
     gravity,
+    closed,
     buoyancy,
     reference,
     sound_speed,
@@ -217,7 +218,7 @@ def flux_rates(
                         force = gravity[d]
                         if HEAD == 2:
                             force += 0.5 * (buoyancy[i, d] + buoyancy[j, d])
-                        density_j += weight * force * flux_near[at + np.uint64(d)]
+                        density_j += weight * closed[d] * force * flux_near[at + np.uint64(d)]
                 if k >= first_wall or (PARTED and equation[group[j]] != equation[g]):
                     density_j = density_i  # walls take no part, and between fluids density jumps
                 flux_density[c] = density_j
@@ -359,6 +360,7 @@ def filtered_density(
     period,
     inverse_period,
     gravity,
+    closed,
     buoyancy,
     reference,
     sound_speed,
@@ -394,9 +396,10 @@ def filtered_density(
             s = image_offset(x, i, j, d, wraps, period, inverse_period)
             r2 += s * s
             if HEAD:
-                head += gravity[d] * s
-            if HEAD == 2:
-                head += 0.5 * (buoyancy[i, d] + buoyancy[j, d]) * s
+                force = gravity[d]
+                if HEAD == 2:
+                    force += 0.5 * (buoyancy[i, d] + buoyancy[j, d])
+                head += closed[d] * force * s
         h = 0.5 * (support[i] + support[j])
         w = shape_w(math.sqrt(r2) / h, KERNEL) * power(support[i] / h, DIM)
         above += mass[j] * w

@@ -35,7 +35,7 @@ def state_of(simulation: Simulation) -> dict[str, Any]:
         "description": description(s),
         "first_momentum": s._first_momentum,
         "first_totals": dict(s._first_totals),
-        "volume_drift": getattr(s.solver, "volume_drift", None),
+        "kept_volume": s.solver.kept_volume.state() if hasattr(s.solver, "kept_volume") else None,
         "rest": s.solver.rest.state() if hasattr(s.solver, "rest") else None,
         "events": chemistry.events if chemistry else 0,
         "jumps": chemistry.jumps if chemistry else 0,
@@ -93,8 +93,8 @@ def restore(simulation: Simulation, state: dict[str, Any]) -> None:
         s.chemistry.remarks[:] = state.get("remarks", [])
     if s.carriage:
         s.carriage.crossings = state.get("crossings") or (0.0, 0.0)
-    if state["volume_drift"] is not None:
-        s.solver.volume_drift = state["volume_drift"]  # type: ignore[union-attr]
+    if state.get("kept_volume") is not None:
+        s.solver.kept_volume.put(state["kept_volume"])  # type: ignore[union-attr]
     if state.get("rest") is not None:
         s.solver.rest.put(state["rest"])  # type: ignore[union-attr]
     s.solver.restore()

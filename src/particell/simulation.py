@@ -144,6 +144,8 @@ class Simulation:
         self.solver = scheme.solver(
             device, domain, self.particles, self.neighbours, self.materials, seed, self.depth_factor
         )
+        if self.walls.motions and not isinstance(self.solver, StaticSolver):
+            self.solver.kept_volume.walls_move = True
         self.chemistry: Chemistry | None = None
         self.carriage: Carriage | None = None
         if species:

@@ -99,8 +99,9 @@ def drift_since(
         change = monitor.momentum() - momentum
         scale = monitor.absolute_momentum()
         drift["momentum"] = float(np.linalg.norm(change) / scale) if scale else 0.0
-    if getattr(simulation.solver, "volume_drift", None) is not None:
-        drift["volume put right"] = simulation.solver.volume_drift  # type: ignore[union-attr]
+    kept = getattr(simulation.solver, "kept_volume", None)
+    if kept is not None and kept.volume:
+        drift["volume put right"] = kept.drift
     if simulation.chemistry:
         for name, (value, size) in conserved_totals(simulation.chemistry).items():
             drift[f"amount {name}"] = float((value - totals[name]) / size)

@@ -67,7 +67,7 @@ class TransportVelocityTable(_MovingTable):
     background: Number
     momentum_flux: Annotated[str, _choice(FORMS)]
     pressure_force: Annotated[str, _choice(PRESSURE_FORCES)]
-    fixed_volume: bool
+    fixed_volume: bool | None
     renormalise: bool
     pressure_switch: bool
     filter_every: Annotated[int, Field(ge=0)]

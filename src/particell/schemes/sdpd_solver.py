@@ -19,7 +19,6 @@ from particell.compute.batches import batch_size
 from particell.compute.device import Device
 from particell.compute.neighbours import NeighbourList
 from particell.compute.philox import PAIR_NOISE, VELOCITY_SPREAD, stream_key
-from particell.compute.reduce import Reduction
 from particell.errors import InputError
 from particell.geometry.domain import Domain
 from particell.kernels import kernel_code, normalisation
@@ -31,6 +30,7 @@ from particell.particles import Particles
 from particell.schemes import updates
 from particell.schemes.friction_limit import stiffest
 from particell.schemes.hydrostatics import RestPressure
+from particell.schemes.kept_volume import KeptVolume
 from particell.schemes.rates import MATTER, RECORD, batch_fields, pack, rates
 from particell.schemes.summation import discrete_fluids
 from particell.schemes.sweeps import summed_density, wall_pressure
@@ -66,8 +66,6 @@ class SDPDSolver:
     """
 
     FIELDS = ("pressure_term", "density_rate")
-    #: Whether shifting needs :meth:`_keep_volume`: here no mass crosses between particles with δv.
-    FIXED_VOLUME = True
 
     def __init__(
         self,
@@ -121,12 +119,10 @@ class SDPDSolver:
         if self.shifting:
             particles.add("transport", dim)
             particles.add("shift_before", dim)
-            self._parts = device.zeros((self.n, 1))
-            self.volume_drift = 0.0  # what the volume would have changed by, were it not kept
-            self._reduction = Reduction(device)
-            reference = np.array([m.density for m in by_group])[particles.host("group")]
-            mobile = particles.host("is_wall") == 0
-            self._volume = float((particles.host("mass") / reference)[mobile].sum())
+        densities = np.array([m.density for m in by_group])
+        self.kept_volume = KeptVolume(
+            device, domain, particles, densities, self._keeps_volume(scheme)
+        )
         code = kernel_code(scheme.kernel)
         array = device.array
         key = stream_key(seed, PAIR_NOISE)
@@ -145,7 +141,7 @@ class SDPDSolver:
             "closed": array(np.where(domain.periodic, 0.0, 1.0)),
             "key0": key[0],
             "key1": key[1],
-            "reference": array(np.array([m.density for m in by_group])),
+            "reference": array(densities),
             "sound_speed": array(sound_speeds),
             "exponent": array(np.array([m.exponent for m in by_group])),
             "shift_pressure": array(
@@ -235,11 +231,16 @@ class SDPDSolver:
         self._bound = listed
         self._bind_loops()
 
+    @staticmethod
+    def _keeps_volume(scheme: Any) -> bool | None:
+        """See :class:`.KeptVolume`: a sum over neighbours needs no help, noise is left alone."""
+        if scheme.shifting > 0:
+            return True
+        return False if scheme.density == "summation" or scheme.fluctuations else None
+
     def _bind_loops(self) -> None:
         fields = {**self.constants, **self.neighbours.fields, **self.particles.fields}
         fields.setdefault("transport", fields["v"])
-        if self.shifting:
-            fields["part"] = self._parts
         bind = self.device.bind
         dim, o = {"DIM": self.dim}, self.options
         if "buoyancy" in self.particles:
@@ -273,9 +274,8 @@ class SDPDSolver:
             self._take_spread = bind(take_spread, fields, **dim)
         self.drift = bind(updates.drift, fields, **dim)
         self.equation_of_state = bind(updates.equation_of_state, fields)
+        self.kept_volume.bind(fields)
         if self.shifting:
-            self._volumes = bind(updates.fluid_volume, fields)
-            self._scale = bind(updates.scale_density, fields)
             carries = {"FLUX": "flux" in self.particles}
             fields.setdefault("flux", fields["v"])
             self.transport_velocity = bind(updates.transport_velocity, fields, **dim, **carries)
@@ -288,23 +288,12 @@ class SDPDSolver:
         """Build the neighbour list at the present positions."""
         self.neighbours.build(self.particles)
         self._bind()
-        if self.shifting and self.FIXED_VOLUME:
-            self._keep_volume()
-
-    def _keep_volume(self) -> None:
-        """Scale densities so that Σ m/ρ of the fluid is Σ m/ρ₀, the volume that it fills.
-
-        The rate of density is taken from v, but particles move with v + δv: it sees that they
-        crowd and not that δv undoes it, and the volumes shrink by a percent or so in ten passages.
-        """
-        self._volumes(self.n)
-        factor = float(self._reduction.sum(self._parts)[0]) / self._volume
-        self._scale(self.n, factor)
-        self.volume_drift = (1.0 + self.volume_drift) * factor - 1.0
+        self.kept_volume.keep()
 
     def initialise(self, step: int, dt: float) -> None:
         """Density (if summed), pressure and acceleration of the initial state."""
         self.build_list()
+        self.kept_volume.start()
         self._thermodynamics(0.0)
         if not self.options["NOISE"]:
             self.rest.tabulate()

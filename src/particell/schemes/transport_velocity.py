@@ -60,11 +60,13 @@ class TransportVelocity:
         P̄. ``"difference"``: P_j − P_i, without force where P is uniform, whatever the arrangement,
         and without that resistance, but conserving momentum only to the scheme's order.
     fixed_volume
-        Keep Σ m/ρ of the fluid at that of its reference density, by scaling all densities at each
-        build of the neighbour list: for fluid that fills a closed or periodic space, whose mean
-        pressure is arbitrary. Without it the shift lets the density climb by half a per cent or so
+        Keep Σ m/ρ of the fluid, by scaling all densities at each build of the neighbour list
+        (:mod:`particell.schemes.kept_volume`): for fluid that fills a closed or periodic space,
+        whose mean pressure is arbitrary. Without it the density climbs by half a per cent or more
         in a cavity, which is a pressure of ρU²/2, enough to make slow parts of the flow solid (see
-        ``pressure_force``).
+        ``pressure_force``). None: it is kept at that of the start where the fluid has walls, other
+        fluid or its own images all round, and no wall moves by a ``WallMotion``; True: at that of
+        the reference density, in any case; False: never.
     filter_every
         Steps between two applications of the density filter; 0 switches it off.
     density_diffusion
@@ -99,7 +101,7 @@ class TransportVelocity:
     renormalise: bool = True
     pressure_switch: bool = False
     pressure_force: str = "symmetric"
-    fixed_volume: bool = False
+    fixed_volume: bool | None = None
     filter_every: int = 20
     density_diffusion: float = 0.0
     impenetrable: bool = True

@@ -35,7 +35,6 @@ class TransportVelocitySolver(SDPDSolver):
     Parameters as there.
     """
 
-    FIXED_VOLUME = False
     scheme: TransportVelocity  # type: ignore[assignment]
 
     def __init__(
@@ -55,10 +54,13 @@ class TransportVelocitySolver(SDPDSolver):
         particles.add("flux", self.dim)
         o = self.options
         o["SWITCH"] = 1 if scheme.pressure_switch else PRESSURE_FORCES[scheme.pressure_force]
-        self.FIXED_VOLUME = scheme.fixed_volume
         self.constants |= flux_fields(
             device, self.n, self.dim, o["UNIFORM"], o["WALLS"], o["DELTA"], RECORD[self.dim]
         )
+
+    @staticmethod
+    def _keeps_volume(scheme: TransportVelocity) -> bool | None:
+        return scheme.fixed_volume
 
     @staticmethod
     def friction(material: Fluid, dim: int) -> tuple[float, float]:

@@ -164,7 +164,7 @@ def rates(
     diffusion,
     thermal,
     gravity,
-    closed,
+    holds_head,
     x,
     v,
     rest_axis,
@@ -325,7 +325,7 @@ def rates(
                         force = gravity[d]
                         if HEAD == 2:
                             force += 0.5 * (buoyancy[i, d] + buoyancy[j, d])
-                        density_j += weight * closed[d] * force * near[at + np.uint64(d)]
+                        density_j += weight * holds_head[d] * force * near[at + np.uint64(d)]
                 near_matter[to] = density_j
             near_matter[to + v_at] = record[other + np.uint64(MATTER + 1)]
             if FORCE:

@@ -138,7 +138,7 @@ class SDPDSolver:
             "equation": array(np.array([equations.index(e) for e in equations])),
             "thermal": array(self.thermal),
             "gravity": array(gravity),
-            "closed": array(np.where(domain.periodic, 0.0, 1.0)),
+            "holds_head": array(np.where(domain.periodic, 0.0, 1.0)),
             "key0": key[0],
             "key1": key[1],
             "reference": array(densities),

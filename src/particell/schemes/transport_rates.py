@@ -100,7 +100,7 @@ def flux_rates(
     group,
     diffusion,
     gravity,
-    closed,
+    holds_head,
     buoyancy,
     reference,
     sound_speed,
@@ -218,7 +218,7 @@ def flux_rates(
                         force = gravity[d]
                         if HEAD == 2:
                             force += 0.5 * (buoyancy[i, d] + buoyancy[j, d])
-                        density_j += weight * closed[d] * force * flux_near[at + np.uint64(d)]
+                        density_j += weight * holds_head[d] * force * flux_near[at + np.uint64(d)]
                 if k >= first_wall or (PARTED and equation[group[j]] != equation[g]):
                     density_j = density_i  # walls take no part, and between fluids density jumps
                 flux_density[c] = density_j
@@ -360,7 +360,7 @@ def filtered_density(
     period,
     inverse_period,
     gravity,
-    closed,
+    holds_head,
     buoyancy,
     reference,
     sound_speed,
@@ -399,7 +399,7 @@ def filtered_density(
                 force = gravity[d]
                 if HEAD == 2:
                     force += 0.5 * (buoyancy[i, d] + buoyancy[j, d])
-                head += closed[d] * force * s
+                head += holds_head[d] * force * s
         h = 0.5 * (support[i] + support[j])
         w = shape_w(math.sqrt(r2) / h, KERNEL) * power(support[i] / h, DIM)
         above += mass[j] * w

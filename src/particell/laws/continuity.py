@@ -27,33 +27,98 @@ particles.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Any
+
 from numba import njit
 
+from particell.compute.expressions import call, symbol, where
+from particell.laws.law import Adds, Law
 from particell.materials import compressibility
 
 
-@njit
-def divergence(weight, v_dot_x):
-    """The pair's part of the divergence of velocity in 1/s; ``weight`` is V_j F_ij."""
-    return weight * v_dot_x
+class Continuity(Law):
+    """dρ_i/dt by the divergence of velocity."""
+
+    def pair(self, i: Any, j: Any, ij: Any) -> Adds:
+        """−ρ_i V_j F v_ij·x_ij, in kg/m³/s."""
+        return {"density_rate": -i.density * (ij.weight * ij.v.dot(ij.x))}
 
 
-@njit
-def density_diffusion(weight, density_i, density_j):
-    """The pair's part of *half* the Laplacian of density, V_j F_ij (ρ_j − ρ_i), in kg/m⁵."""
-    return weight * (density_j - density_i)
+@dataclass(frozen=True)
+class DensityDiffusion(Law):
+    """Diffusion of density among the particles of a fluid.
+
+    Attributes
+    ----------
+    head
+        What a fluid at rest has between two points is left alone.
+    jumps
+        Some fluids have another equation of state; between those density jumps.
+    """
+
+    head: HeadOfRest | None = None
+    jumps: bool = False
+
+    def pair(self, i: Any, j: Any, ij: Any) -> Adds:
+        """2δc₀ h V_j F (ρ_j − ρ_i − ρ^H), in kg/m³/s; walls take no part."""
+        if ij.wall:
+            return {}
+        more = j.density - i.density
+        if self.head:
+            more = more + self.head.difference(i, j, ij)
+        if self.jumps:
+            more = where(j.equation.equals(i.equation), more, 0.0)
+        return {"density_rate": (i.diffusion * ij.support) * (ij.weight * more)}
+
+
+@dataclass(frozen=True)
+class HeadOfRest:
+    """What density differs by between two points of a fluid at rest.
+
+    Attributes
+    ----------
+    walled
+        Axes that are not periodic: along the others pressure has no slope.
+    buoyancy
+        Whether there is a force per mass besides gravity.
+    """
+
+    walled: tuple[bool, ...]
+    buoyancy: bool = False
+
+    def potential(self, i: Any, j: Any, ij: Any) -> Any:
+        """w̄·x_ij in m²/s²."""
+        dim = len(self.walled)
+        gravity = [symbol("array", "gravity", "", d) for d in range(dim)]
+        total: Any = 0.0
+        for base, factor in ij.x.terms.items():
+            for d in range(dim):
+                if not self.walled[d]:
+                    continue
+                force = gravity[d]
+                if self.buoyancy:
+                    mean = i.buoyancy.parts(dim)[d] + j.buoyancy.parts(dim)[d]
+                    force = force + 0.5 * mean
+                total = total + force * (factor * base.parts[d])
+        return total
+
+    def slope(self, i: Any, j: Any) -> Any:
+        """dρ/dφ in the middle of the pair."""
+        per_head = call(density_per_head, (i.density, i.reference, i.sound_speed, i.exponent))
+        step = (1.0 - 0.5 * i.exponent) / i.density
+        return per_head * (1.0 + step * (j.density - i.density))
+
+    def difference(self, i: Any, j: Any, ij: Any) -> Any:
+        """ρ_i − ρ_j of a fluid at rest, in kg/m³: what is added to ρ_j."""
+        return self.slope(i, j) * self.potential(i, j, ij)
 
 
 @njit
 def density_per_head(density, reference, sound_speed, exponent):
-    """dρ/dφ = ρ dρ/dP of a fluid at rest in a potential −φ, in kg/m³ per m²/s²."""
-    return density * density * compressibility(density, reference, sound_speed, exponent)
+    """dρ/dφ = ρ dρ/dP of a fluid at rest in a potential −φ, in kg/m³ per m²/s².
 
-
-@njit
-def middle_of_pair(per_head, density_i, density_j, exponent):
-    """:func:`density_per_head` in the middle of a pair, from that of particle i.
-
-    It goes as ρ^(2−γ). Linear in the difference: what is left out is its square, 1e-6.
+    In the middle of a pair it goes as ρ^(2−γ): linear in the difference, what is left out is its
+    square, 1e-6.
     """
-    return per_head * (1.0 + (1.0 - 0.5 * exponent) * (density_j - density_i) / density_i)
+    return density * density * compressibility(density, reference, sound_speed, exponent)

@@ -17,12 +17,16 @@ to round-off.
 
 from __future__ import annotations
 
-import math
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numba import njit
 
+from particell.compute.expressions import sqrt, symbol
 from particell.compute.philox import bounded_normal2, bounded_normal4, inlined_philox, normal_pair
+from particell.laws.law import Adds, Law
+from particell.laws.viscosity import Viscosity, harmonic_mean
 
 
 @njit(inline="always")
@@ -48,7 +52,33 @@ def pair_numbers(id_i, id_j, step, key0, key1, GAUSSIAN, DIM):
     return sign * n0, sign * n1, sign * n2
 
 
-@njit(inline="always")
-def noise_amplitudes(transverse, radial, friction):
-    """√a and √(a+b) for a = transverse·F/(d_id_j), b = radial·F/(d_id_j)."""
-    return math.sqrt(transverse * friction), math.sqrt((transverse + radial) * friction)
+@dataclass(frozen=True)
+class ThermalNoise(Law):
+    """The random force that balances a friction.
+
+    Attributes
+    ----------
+    friction
+        The law that it balances.
+    gaussian
+        Numbers are normal, not sums of uniform ones.
+    """
+
+    friction: Viscosity
+    gaussian: bool = False
+
+    def pair(self, i: Any, j: Any, ij: Any) -> Adds:
+        """√(2k_BT/Δt) [√a (1 − ee)·ξ + √(a+b) e e·ξ] √(F/(d_i d_j)) / m_i, in m/s²."""
+        across, along = self.friction.coefficients(i, j)
+        thermal = harmonic_mean(i.thermal, j.thermal)
+        strength = (2.0 * symbol("number", "inverse_dt")) * thermal
+        # friction with a wall is larger by the extrapolation: so is noise squared
+        fading = self.friction.friction(i, j, ij) * ((1.0 / i.mass) * strength)
+        fading = fading * ij.extrapolation
+        noise = ij.noise(self.gaussian)
+        transverse = sqrt(across * fading)
+        force = transverse * noise
+        if self.friction.radial:
+            longitudinal = sqrt((across + along) * fading)
+            force = force + ((longitudinal - transverse) * noise.dot(ij.e)) * ij.e
+        return {"a": force}

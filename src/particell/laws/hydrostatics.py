@@ -31,7 +31,12 @@ begin, the number of intervals per metre, and their length in m.
 
 from __future__ import annotations
 
+from typing import Any
+
 from numba import njit
+
+from particell.compute.expressions import Vector, call, symbol
+from particell.laws.law import Adds, Law
 
 
 @njit(inline="always")
@@ -63,3 +68,35 @@ def rest_pressure_at(height, interval, rest_weight, rest_pressure):
     t = height - k
     slope = 0.5 * (rest_weight[k + 1] - rest_weight[k])
     return rest_pressure[k] + interval * t * (rest_weight[k] + t * slope)
+
+
+def _array(name: str) -> Any:
+    return symbol("array", name)
+
+
+def height_of(p: Any) -> Any:
+    """s of a particle, in intervals of the table."""
+    return call(rest_height, (p.index, _array("x"), _array("rest_axis"), p.dim))
+
+
+def rest_weight_of(p: Any) -> Any:
+    """w where a particle is, in Pa/m."""
+    return call(rest_weight_at, (height_of(p), _array("rest_weight")))
+
+
+def rest_pressure_of(p: Any) -> Any:
+    """P^H where a particle is, in Pa."""
+    interval = symbol("array", "rest_axis", "", p.dim + 2)
+    tables = (_array("rest_weight"), _array("rest_pressure"))
+    return call(rest_pressure_at, (height_of(p), interval, *tables))
+
+
+class Weight(Law):
+    """Gravity, and the gradient of the pressure at rest."""
+
+    def finish(self, i: Any, sums: Any) -> Adds:
+        """f_i − w(s_i) e/ρ_i, in m/s²."""
+        gravity = [symbol("array", "gravity", "", d) for d in range(i.dim)]
+        axis = [symbol("array", "rest_axis", "", d) for d in range(i.dim)]
+        lift = rest_weight_of(i) * i.specific_volume
+        return {"a": Vector.of("gravity", gravity) - lift * Vector.of("axis", axis)}

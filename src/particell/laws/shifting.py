@@ -22,7 +22,9 @@ three spacings wide that made the velocity's error half as large again.)
 
 from __future__ import annotations
 
-from numba import njit
+from typing import Any
+
+from particell.laws.law import Adds, Law
 
 #: Largest displacement by shifting in the time τ, in supports.
 LARGEST = 0.01
@@ -30,7 +32,10 @@ LARGEST = 0.01
 SOUND, FRICTION = 0.25, 0.05
 
 
-@njit
-def crowding(volume_i, volume_j, f):
-    """What multiplies x_ij in the sum: (V_i² + V_j²) F_ij."""
-    return (volume_i * volume_i + volume_j * volume_j) * f
+class Crowding(Law):
+    """The sum that shifts particles."""
+
+    def pair(self, i: Any, j: Any, ij: Any) -> Adds:
+        """(V_i² + V_j²) F x_ij."""
+        both = i.volume * i.volume + j.volume * j.volume
+        return {"shift": (both * ij.F) * ij.x}

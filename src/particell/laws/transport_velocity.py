@@ -52,7 +52,13 @@ thesis, UCSB 2020, whose continuity equation is the first form without T.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Any
+
 from numba import njit
+
+from particell.compute.expressions import Vector, call
+from particell.laws.law import Adds, Law
 
 #: Determinant of T below which there are too few neighbours on some side to divide by T.
 SMALLEST = 0.05
@@ -76,35 +82,68 @@ def consistent_trace(txx, tyy, tzz, txy, tyz, tzx, gxx, gyy, gzz, gxy, gyz, gzx)
     return total / determinant if determinant > SMALLEST else gxx + gyy + gzz
 
 
-@njit
-def mass_flux(weight, density_i, density_j, shift_dot_x_i, shift_dot_x_j):
-    """The pair's part of the density's rate by δv, in kg/m³/s; ``weight`` is V_j F_ij.
+class ConsistentContinuity(Law):
+    """The density's rate with the first-order consistent gradient."""
 
-    ``shift_dot_x_i`` and ``…_j`` are δv_i·x_ij and δv_j·x_ij.
+    own = ("moments", "gradient")
+
+    def pair(self, i: Any, j: Any, ij: Any) -> Adds:
+        """What the pair adds to T and to G."""
+        flow = (-i.density * ij.weight) * ij.v
+        if not ij.wall:
+            flow = flow + (ij.weight * (i.density - j.density)) * i.shift_velocity
+        return {"moments": ij.weight * ij.x.outer(ij.x), "gradient": flow.outer(ij.x)}
+
+    def finish(self, i: Any, sums: Any) -> Adds:
+        """tr(G T⁻¹) in kg/m³/s."""
+        t, g = _six(sums.moments, i.dim, 1.0, 1.0), _six(sums.gradient, i.dim, 0.0, 2.0)
+        return {"density_rate": call(consistent_trace, (*t, *g))}
+
+
+def _six(tensor: Any, dim: int, missing: float, mixed: float) -> tuple[Any, ...]:
+    """xx, yy, zz, xy, yz, zx, the latter ``mixed`` times; ``missing`` on the rest's diagonal."""
+    values = tensor.values
+    diagonal = [values.get((d, d), missing) for d in range(3)]
+    return (*diagonal, *(mixed * values.get(k, 0.0) for k in ((0, 1), (1, 2), (0, 2))))
+
+
+class TransportContinuity(Law):
+    """The density's rate that tracks the arrangement, without T."""
+
+    def pair(self, i: Any, j: Any, ij: Any) -> Adds:
+        """−ρ_i V_j F ṽ_ij·x_ij − V_j F (ρ_i δv_i + ρ_j δv_j)·x_ij, in kg/m³/s."""
+        own, its = i.shift_velocity.dot(ij.x), j.shift_velocity.dot(ij.x)
+        along = ij.v.dot(ij.x) + (own - its) * ij.extrapolation
+        rate = -i.density * (ij.weight * along)
+        if not ij.wall:
+            rate = rate - ij.weight * (i.density * own + j.density * its)
+        return {"density_rate": rate}
+
+
+#: Forms of :class:`MomentumFlux`.
+FORMS = ("none", "uniform", "conserving")
+
+
+@dataclass(frozen=True)
+class MomentumFlux(Law):
+    """The rate of velocity by δv; only fluid particles take part.
+
+    Attributes
+    ----------
+    form
+        ``"uniform"``, ``"conserving"`` or ``"none"``.
     """
-    return -weight * (density_i * shift_dot_x_i + density_j * shift_dot_x_j)
 
+    form: str
 
-@njit
-def uniform_flux(weight, density_ratio, shift_dot_x_j):
-    """What multiplies v_ij = v_i − v_j in the uniform form, in 1/s; the ratio is ρ_j/ρ_i."""
-    return weight * density_ratio * shift_dot_x_j
-
-
-@njit
-def conserving_flux(weight, density_ratio, shift_dot_x_i):
-    """What multiplies v_i in the conserving form, in 1/s; the ratio is ρ_j/ρ_i.
-
-    For the part of v_j give δv_j·x_ij and the ratio 1: m_j/ρ_j is V_j.
-    """
-    return -weight * density_ratio * shift_dot_x_i
-
-
-@njit
-def switched_term(term_i, term_j):
-    """P_i/ρ_i², with its sign changed where the pair attracts: what suppresses cavitation.
-
-    A pair with P_i/ρ_i² + P_j/ρ_j² < 0 uses P_j/ρ_j² − P_i/ρ_i² instead (Jacob, thesis, UCSB 2020).
-    That is not symmetric: momentum is not conserved where it acts.
-    """
-    return term_i if term_i + term_j >= 0.0 else -term_i
+    def pair(self, i: Any, j: Any, ij: Any) -> Adds:
+        """In m/s²."""
+        zero = Vector.of("zero", [0.0] * i.dim)
+        if ij.wall or self.form == "none":
+            return {"flux": zero}
+        ratio = j.density * i.specific_volume
+        its = ij.weight * j.shift_velocity.dot(ij.x)
+        if self.form == "uniform":
+            return {"flux": (its * ratio) * ij.v}
+        own = ij.weight * ratio * i.shift_velocity.dot(ij.x)
+        return {"flux": -own * i.v + -its * (i.v - ij.v)}

@@ -13,9 +13,17 @@ Revenga (Phys. Rev. E 67 (2003) 026705, Eq. 30) written for any D: with D = 3 th
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Any
+
 from numba import njit
 
+from particell.boundaries.wall import MOST_MISSED
+from particell.compute.expressions import Number, Symmetric, minimum, where
 from particell.errors import InputError
+from particell.laws.law import Adds, Law
+
+TINY = 1e-300
 
 
 def friction_coefficients(shear: float, bulk: float, dim: int) -> tuple[float, float]:
@@ -33,21 +41,90 @@ def friction_coefficients(shear: float, bulk: float, dim: int) -> tuple[float, f
     return transverse, radial
 
 
-@njit
-def pair_friction(weight, inverse_density):
-    """F/(d_i d_j m_i) = V_j F_ij/ρ_i, what the :func:`friction_coefficients` are multiplied by."""
-    return weight * inverse_density
-
-
-@njit
-def harmonic_mean(a, b):
+def harmonic_mean(a: Number, b: Number) -> Number:
     """2ab/(a + b), and 0 where both are 0: the coefficient of a pair of two materials.
 
     It is taken of the transverse coefficient a and of the longitudinal one a + b, neither of which
     is negative, so that friction and noise exist for every pair of materials.
     """
+    if a is b:
+        return a
     total = a + b
-    return 2.0 * a * (b / total) if total > 0.0 else 0.0
+    return where(total > 0.0, 2.0 * a * (b / where(total > 0.0, total, 1.0)), 0.0)
+
+
+@dataclass(frozen=True)
+class Viscosity(Law):
+    """Friction of a pair, and of that with walls the matrix that makes it implicit.
+
+    Attributes
+    ----------
+    radial
+        Whether b is not zero.
+    normalised
+        Friction is divided by the mean of both kernel sums.
+    exact_at_walls
+        Friction beside walls is exact for quadratic profiles (:mod:`particell.boundaries.wall`).
+    walls
+        Whether there are any.
+    """
+
+    radial: bool
+    normalised: bool = False
+    exact_at_walls: bool = False
+    walls: bool = False
+
+    own = ("drag", "bend", "whole", "held", "held_along")
+
+    def coefficients(self, i: Any, j: Any) -> tuple[Number, Number]:
+        """a and b of the pair, in Pa s."""
+        across = harmonic_mean(i.transverse, j.transverse)
+        if i.radial is j.radial and i.transverse is j.transverse:
+            return across, i.radial
+        both = harmonic_mean(i.transverse + i.radial, j.transverse + j.radial)
+        return across, both - across
+
+    def friction(self, i: Any, j: Any, ij: Any) -> Number:
+        """F/(d_i d_j m_i) = V_j F/ρ_i, by which the coefficients are multiplied."""
+        friction = ij.weight * i.specific_volume
+        if self.normalised:
+            friction = friction / (0.5 * (i.kernel_sum + j.kernel_sum))
+        return friction
+
+    def pair(self, i: Any, j: Any, ij: Any) -> Adds:
+        """−(a v_ij + b e e·v_ij) F/(d_i d_j m_i), in m/s²."""
+        across, along = self.coefficients(i, j)
+        friction = self.friction(i, j, ij)
+        drag = -(across * friction) * ij.v
+        if self.radial:
+            drag = drag - (along * friction * ij.v.dot(ij.e)) * ij.e
+        adds = {"drag" if self.exact_at_walls else "a": drag}
+        if self.exact_at_walls:
+            adds["whole"] = friction * ij.square
+        if ij.wall:
+            if self.exact_at_walls:
+                adds["bend"] = friction * ij.missed
+            held = friction * ij.extrapolation
+            adds["held"] = held
+            if self.radial:
+                adds["held_along"] = held * ij.e.outer(ij.e)
+        return adds
+
+    def finish(self, i: Any, sums: Any) -> Adds:
+        """What is missed beside walls is made up for; Γ in 1/s."""
+        more: Number = 1.0
+        adds: dict[str, Any] = {}
+        dim = i.dim
+        if self.exact_at_walls:
+            missed = dim * sums.bend / (sums.whole + TINY)
+            more = 1.0 / (1.0 - minimum(missed, MOST_MISSED))
+            adds["a"] = more * sums.drag
+        if self.walls:
+            held = (more * i.transverse) * sums.held
+            if self.radial:
+                held = Symmetric.unit(dim, held) + (more * i.radial) * sums.held_along
+            adds["wall_friction"] = held
+        return adds
 
 
 @njit

@@ -15,26 +15,25 @@ from particell.boundaries.wall_friction import (
     friction_width,
     take_spread,
 )
-from particell.compute.batches import batch_size
 from particell.compute.device import Device
 from particell.compute.neighbours import NeighbourList
 from particell.compute.philox import PAIR_NOISE, VELOCITY_SPREAD, stream_key
 from particell.errors import InputError
 from particell.geometry.domain import Domain
 from particell.kernels import kernel_code, normalisation
-from particell.laws.diffusion import pair_slopes, slope_fields
+from particell.laws.continuity import DensityDiffusion, HeadOfRest
 from particell.laws.shifting import FRICTION, SOUND
-from particell.laws.viscosity import friction_coefficients
+from particell.laws.viscosity import Viscosity, friction_coefficients
 from particell.materials import BOLTZMANN, Fluid
 from particell.particles import Particles
 from particell.schemes import updates
+from particell.schemes.flow_sweeps import FlowSweeps, tables_of
 from particell.schemes.friction_limit import stiffest
 from particell.schemes.hydrostatics import RestPressure
 from particell.schemes.kept_volume import KeptVolume
-from particell.schemes.rates import MATTER, RECORD, batch_fields, pack, rates
 from particell.schemes.summation import discrete_fluids
-from particell.schemes.sweeps import summed_density, wall_pressure
 from particell.schemes.timestep import EXPLICIT
+from particell.sources.source import Names
 
 if TYPE_CHECKING:
     from particell.schemes.sdpd import SDPD
@@ -130,61 +129,40 @@ class SDPDSolver:
             (m.density, m.sound_speed, m.exponent, m.background_pressure) for m in by_group
         ]
         sound_speeds = np.array([d.material.sound_speed for d in discrete], dtype=float)
+        self.tables = {
+            "transverse": np.array([f[0] for f in friction]),
+            "radial": np.array([f[1] for f in friction]),
+            "diffusion": 2 * scheme.delta * sound_speeds,
+            "equation": np.array([equations.index(e) for e in equations], dtype=float),
+            "fluid": np.arange(len(by_group), dtype=float),
+            "thermal": self.thermal,
+            "reference": densities,
+            "sound_speed": sound_speeds,
+            "exponent": np.array([m.exponent for m in by_group]),
+            "shift_pressure": np.array(
+                [scheme.shifting * m.density * (m.sound_speed or 0.0) ** 2 for m in by_group]
+            ),
+            "shift_sound": SOUND / sound_speeds,
+            "shift_friction": np.array([friction_time(m) for m in by_group]),
+            "background": np.array([m.background_pressure for m in by_group]),
+            "density_sum": np.array([d.density_sum for d in discrete]),
+            "confinement": np.array([d.confinement for d in discrete]),
+        }
+        self.fluids = np.array([g.kind == "fluid" for g in particles.groups])
+        self.parted = len(set(equations)) > 1
+        self.radial = any(f[1] != 0 for f in friction)
+        self.walls = bool(neighbours.constants["WALLS"])
         self.constants = {
             "alpha": normalisation(code, dim),
-            "transverse": array(np.array([f[0] for f in friction])),
-            "radial": array(np.array([f[1] for f in friction])),
-            "diffusion": array(2 * scheme.delta * sound_speeds),
-            "equation": array(np.array([equations.index(e) for e in equations])),
-            "thermal": array(self.thermal),
             "gravity": array(gravity),
-            "holds_head": array(np.where(domain.periodic, 0.0, 1.0)),
             "key0": key[0],
             "key1": key[1],
-            "reference": array(densities),
-            "sound_speed": array(sound_speeds),
-            "exponent": array(np.array([m.exponent for m in by_group])),
-            "shift_pressure": array(
-                np.array(
-                    [scheme.shifting * m.density * (m.sound_speed or 0.0) ** 2 for m in by_group]
-                )
-            ),
-            "shift_sound": array(SOUND / sound_speeds),
-            "shift_friction": array(np.array([friction_time(m) for m in by_group])),
-            "background": array(np.array([m.background_pressure for m in by_group])),
-            "density_sum": array(np.array([d.density_sum for d in discrete])),
-            "confinement": array(np.array([d.confinement for d in discrete])),
+            **{name: array(values) for name, values in self.tables.items()},
         }
-        kinds = zip(friction, self.thermal.tolist(), particles.groups, strict=True)
-        pairings = {(f, thermal) for f, thermal, g in kinds if g.kind == "fluid"}
-        self.options: dict[str, Any] = {
-            "DIM": dim,
-            "KERNEL": code,
-            "UNIFORM": bool(neighbours.constants["UNIFORM"]),
-            "MIXED": len(pairings) > 1,
-            "RADIAL": any(f[1] != 0 for f in friction),
-            "DELTA": scheme.delta > 0,
-            "HEAD": 1
-            if np.any(gravity[~np.array(domain.periodic)])
-            else 0,  # 2 with forces besides
-            "PARTED": len(set(equations)) > 1,
-            "LEAD": not (scheme.fluctuations or self.trapezoidal),
-            "NOISE": scheme.fluctuations,
-            "GAUSSIAN": scheme.noise == "gaussian",
-            "WALLS": bool(neighbours.constants["WALLS"]),
-            "SHIFT": self.shifting,
-            "SWITCH": 0,
-            "NORMAL": scheme.normalise_viscosity,
-            "UNKNOWN": "wall_distance" in particles,
-            "PARABOLIC": bool(neighbours.constants["WALLS"]) and not scheme.fluctuations,
-            "BATCH": batch_size(device),
-            "RECORD": RECORD[dim],
-            "MATTER": MATTER[dim],
-        }
-        o = self.options
+        self._scratch: dict[str, Any] = {}
         self.held = FREE
-        if o["WALLS"]:
-            self.held = TENSOR if o["RADIAL"] else ISOTROPIC
+        if self.walls:
+            self.held = TENSOR if self.radial else ISOTROPIC
             particles.add("wall_friction", friction_width(self.held, dim))
         else:
             self.constants["wall_friction"] = device.zeros((1, 1))
@@ -193,16 +171,11 @@ class SDPDSolver:
             particles.add("velocity_spread", dim)
             self._spread_key = stream_key(seed, VELOCITY_SPREAD)
         self.constants |= self.rest.fields
-        self.constants |= batch_fields(
-            device, self.n, dim, o["UNIFORM"], o["WALLS"], o["MIXED"], o["NOISE"], o["NORMAL"]
-        )
-        if o["NORMAL"]:
-            self.constants |= slope_fields(device, self.n, o["UNIFORM"])
+        if scheme.normalise_viscosity:
+            particles.add("kernel_sum")
         for name, shape in (
             ("wall_direction", (1, dim)),
             ("wall_distance", 1),
-            ("wall_acceleration", (1, dim)),
-            ("buoyancy", (1, dim)),
         ):
             if name not in particles:
                 self.constants[name] = device.zeros(shape)
@@ -231,6 +204,42 @@ class SDPDSolver:
         self._bound = listed
         self._bind_loops()
 
+    #: The form of the pressure's force.
+    pressure_form = "symmetric"
+
+    def sweeps(self) -> FlowSweeps:
+        """The descriptions of the sweeps, of the fields that there are now."""
+        scheme, p = self.scheme, self.particles
+        buoyancy = "buoyancy" in p
+        walled = tuple(not periodic for periodic in self.domain.periodic)
+        acts = buoyancy or np.any(self.device.to_host(self.constants["gravity"])[list(walled)])
+        head = HeadOfRest(walled, buoyancy) if acts else None
+        exact = self.walls and not scheme.fluctuations
+        shapes = {name: array.shape for name, array in p.fields.items()}
+        tables = tables_of(self.tables, self.fluids)
+        return FlowSweeps(
+            names=Names(
+                self.dim,
+                {k: s[1] if len(s) > 1 else 0 for k, s in shapes.items()},
+                {k: isinstance(v, np.ndarray) for k, v in tables.items()},
+            ),
+            kernel=kernel_code(scheme.kernel),
+            uniform=bool(self.neighbours.constants["UNIFORM"]),
+            walls=self.walls,
+            unknown="wall_distance" in p,
+            held=self.held,
+            moving="wall_acceleration" in p,
+            viscosity=Viscosity(self.radial, scheme.normalise_viscosity, exact, self.walls),
+            pressure=self.pressure_form,
+            noise=scheme.fluctuations,
+            gaussian=scheme.noise == "gaussian",
+            lead=not (scheme.fluctuations or self.trapezoidal),
+            shift=self.shifting,
+            diffusion=DensityDiffusion(head, self.parted) if scheme.delta > 0 else None,
+            head=head,
+            several=int(self.fluids.sum()) > 1,
+        )
+
     @staticmethod
     def _keeps_volume(scheme: Any) -> bool | None:
         """See :class:`.KeptVolume`: a sum over neighbours needs no help, noise is left alone."""
@@ -241,30 +250,26 @@ class SDPDSolver:
     def _bind_loops(self) -> None:
         fields = {**self.constants, **self.neighbours.fields, **self.particles.fields}
         fields.setdefault("transport", fields["v"])
-        bind = self.device.bind
-        dim, o = {"DIM": self.dim}, self.options
-        if "buoyancy" in self.particles:
-            o["HEAD"] = 2
-        record = {k: o[k] for k in ("DIM", "RECORD", "MATTER")}
-        small = {k: o[k] for k in ("DIM", "KERNEL", "UNIFORM")}
-        continuity = not self.summation
+        bind, dim = self.device.bind, {"DIM": self.dim}
+        tables = tables_of(self.tables, self.fluids)
+        made = self.sweeps()
+
+        def sweep(description: Any) -> Any:
+            return description.bind(self.device, {**fields, **tables}, self._scratch)
+
         if self.leapfrog:
-            half = {**fields, "density": fields["density_half"]}
-            quiet = {**o, "NOISE": False, "SHIFT": False, "MIXED": False, "RADIAL": False}
-            quiet |= {"SWITCH": 0, "NORMAL": False, "LEAD": False, "PARABOLIC": False}
-            self._density_rates = bind(rates, half, **quiet, DENSITY=True, FORCE=False)
-            self._pack_half = bind(pack, half, **record, LEAD=False, HELD=FREE)
+            self._density_rates = sweep(made.density_rates())
             self.predict_density = bind(updates.predict_density, fields)
-        self._pack = bind(pack, fields, **record, LEAD=o["LEAD"], HELD=self.held)
-        self._forces = bind(rates, fields, **o, DENSITY=False, FORCE=True)
-        self._all_rates = bind(rates, fields, **o, DENSITY=continuity, FORCE=True)
-        self.sum_density = bind(summed_density, fields, **small)
-        moving = "wall_acceleration" in self.particles
-        self.wall_pressure = bind(wall_pressure, fields, **dim, KERNEL=o["KERNEL"], MOVING=moving)
-        if o["NORMAL"]:
-            fields["exchange"] = self.constants["kernel_sum"]  # which is not kept
-            sums = {"BATCH": o["BATCH"], "SUM": True, "KEEP": False}
-            self._kernel_sums = bind(pair_slopes, fields, **small, **sums)
+        self._forces = sweep(made.forces())
+        if self.trapezoidal:
+            self._all_rates = sweep(made.forces(density=not self.summation))
+        if self.summation:
+            self.sum_density = sweep(made.summed_density())
+        if self.walls:
+            self.wall_pressure = sweep(made.wall_pressure())
+        if self.scheme.normalise_viscosity:
+            self._kernel_sums = sweep(made.kernel_sums())
+        self._sweep, self._made = sweep, made
         held = {"HELD": self.held}
         self.kick = bind(updates.kick, fields, **dim, **held)
         if self.spreads:
@@ -295,10 +300,10 @@ class SDPDSolver:
         self.build_list()
         self.kept_volume.start()
         self._thermodynamics(0.0)
-        if not self.options["NOISE"]:
+        if not self.scheme.fluctuations:
             self.rest.tabulate()
         self.accelerate(step, dt)
-        if self.options["HEAD"] == 2 and not self.options["NOISE"]:
+        if "buoyancy" in self.particles and not self.scheme.fluctuations:
             self.rest.tabulate()  # buoyancy is known now
             self.accelerate(step, dt)
         if self.shifting:
@@ -396,27 +401,30 @@ class SDPDSolver:
             self.sum_density(self.n)
             dt = 0.0
         self.equation_of_state(self.n, dt)
-        if self.options["WALLS"]:
+        if self.walls:
             self.wall_pressure(self.n)
             self.after_wall_pressure()
 
     def density_rates(self, step: int, dt: float) -> None:
         """Density rate at the half step (velocity-Verlet)."""
         self.before_pairs()
-        self._pack_half(self.n, 0.0, 0.0)
-        self._density_rates(self.n, step, 0.0)
+        self._density_rates(self.n)
 
     def accelerate(self, step: int, dt: float) -> None:
         """Acceleration; ``dt`` scales the noise."""
-        self._before_forces(dt)
-        self._forces(self.n, step, 1.0 / dt)
+        self._before_forces()
+        self._forces(self.n, **self._numbers(step, dt))
         self.after_forces()
 
-    def _before_forces(self, dt: float) -> None:
+    def _before_forces(self) -> None:
         self.before_pairs()
-        if self.options["NORMAL"]:
+        if self.scheme.normalise_viscosity:
             self._kernel_sums(self.n)
-        self._pack(self.n, 0.5 * dt, self._lead(dt))
+
+    def _numbers(self, step: int, dt: float) -> dict[str, float]:
+        """What forces depend on besides fields."""
+        lead = {"half_step": 0.5 * dt, "lead": self._lead(dt)}
+        return {"step": step, "inverse_dt": 1.0 / dt, **lead}
 
     def _lead(self, dt: float) -> float:
         """How far ahead the friction between fluid particles takes their velocities: 1 is exact.
@@ -433,6 +441,6 @@ class SDPDSolver:
 
     def rates(self, step: int, dt: float) -> None:
         """Density rate (unless it is summed) and acceleration in one sweep."""
-        self._before_forces(dt)
-        self._all_rates(self.n, step, 1.0 / dt)
+        self._before_forces()
+        self._all_rates(self.n, **self._numbers(step, dt))
         self.after_forces()

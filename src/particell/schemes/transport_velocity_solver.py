@@ -52,11 +52,11 @@ class TransportVelocitySolver(SDPDSolver):
             scheme, device, domain, particles, neighbours, materials, seed, depth_factor
         )
         particles.add("flux", self.dim)
-        o = self.options
-        o["SWITCH"] = 1 if scheme.pressure_switch else PRESSURE_FORCES[scheme.pressure_force]
-        self.constants |= flux_fields(
-            device, self.n, self.dim, o["UNIFORM"], o["WALLS"], o["DELTA"], RECORD[self.dim]
-        )
+
+    @property
+    def pressure_form(self) -> str:  # type: ignore[override]
+        """See :class:`.PressureForce`."""
+        return "switched" if self.scheme.pressure_switch else self.scheme.pressure_force
 
     @staticmethod
     def _keeps_volume(scheme: TransportVelocity) -> bool | None:
@@ -74,20 +74,12 @@ class TransportVelocitySolver(SDPDSolver):
     def _bind_loops(self) -> None:
         super()._bind_loops()
         fields = {**self.constants, **self.neighbours.fields, **self.particles.fields}
-        bind, dim, o = self.device.bind, self.dim, self.options
-        same = {
-            k: o[k]
-            for k in (
-                *("DIM", "RECORD", "BATCH", "KERNEL", "UNIFORM", "WALLS", "UNKNOWN"),
-                *("DELTA", "HEAD", "PARTED"),
-            )
-        }
-        self._pack_flux = bind(pack_flux, fields, DIM=dim, RECORD=o["RECORD"])
-        form, exact = FORMS[self.scheme.momentum_flux], self.scheme.renormalise
-        self._flux_rates = bind(flux_rates, fields, **same, FLUX=form, EXACT=exact)
-        self._add_flux = bind(updates.kick, {**fields, "a": fields["flux"]}, DIM=dim, HELD=FREE)
-        head = {"HEAD": o["HEAD"]}
-        self._filter = bind(filtered_density, fields, DIM=dim, KERNEL=o["KERNEL"], **head)
+        made, scheme = self._made, self.scheme
+        self._flux_rates = self._sweep(made.flux_rates(scheme.renormalise, scheme.momentum_flux))
+        self._add_flux = self.device.bind(
+            updates.kick, {**fields, "a": fields["flux"]}, DIM=self.dim, HELD=FREE
+        )
+        self._filter = self._sweep(made.density_filter())
 
     def step(self, step: int, dt: float) -> None:
         """Kick, drift, kick with two sweeps: fluxes half-way, forces at the end of the drift.
@@ -119,8 +111,7 @@ class TransportVelocitySolver(SDPDSolver):
     def density_rates(self, step: int, dt: float) -> None:
         """Density rate and flux of momentum at the half step."""
         self.before_pairs()
-        self._pack_flux(self.n, 0.5 * dt)
-        self._flux_rates(self.n)
+        self._flux_rates(self.n, half_step=0.5 * dt)
 
     def carry_species(self, step: int, dt: float) -> None:
         """Called at the half step (what the shift carries of species)."""
@@ -128,6 +119,7 @@ class TransportVelocitySolver(SDPDSolver):
     def filter_density(self) -> None:
         """Smooth the fluid's density; pressure, volume and walls follow."""
         p = self.particles
+        self.device.copy(p["density"], p["density_half"])  # walls keep theirs
         self._filter(self.n)
         self.device.copy(p["density_half"], p["density"])
         self._thermodynamics(0.0)

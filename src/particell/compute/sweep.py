@@ -1,0 +1,164 @@
+"""A sweep: laws over sources of neighbours, as a loop that runs.
+
+The plan of the loop comes from giving the laws symbols; see :mod:`particell.compute.composer`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from particell.compute.batches import BATCH, batch_rows
+from particell.compute.composer import Generated, Pass, Plan, Result, source_of, sum_symbols
+from particell.compute.device import Device
+from particell.compute.expressions import Node, Symmetric, Vector, components
+from particell.compute.generated import load
+from particell.laws.law import Law, Values
+from particell.sources.source import Names, Side
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """Laws, and over whom they sum.
+
+    Attributes
+    ----------
+    name
+        Of the loop.
+    laws
+        What is summed.
+    sources
+        Over whom, one after the other.
+    names
+        What can be read.
+    kernel
+        The kernel's code.
+    uniform
+        Whether all supports are equal.
+    targets
+        Which particles have sums: ``"mobile"``, ``"walls"`` or ``"all"``.
+    zeroed
+        Fields that are zero for the others.
+    stored
+        Values of pairs that are kept, by the law's name for them: arrays along the list.
+    """
+
+    name: str
+    laws: tuple[Law, ...]
+    sources: tuple[Any, ...]
+    names: Names
+    kernel: int
+    uniform: bool
+    targets: str = "mobile"
+    zeroed: tuple[str, ...] = ()
+    stored: tuple[str, ...] = ()
+
+    def plan(self) -> Plan:
+        """What the loop is generated from."""
+        dim = self.names.dim
+        me = Side(self.names, "i")
+        passes, sums = [], {}
+        for source in self.sources:
+            i, j, ij = source.see(me, Side(self.names, "j"), self.kernel, self.uniform)
+            adds: dict[str, Any] = {}
+            for number, law in enumerate(self.laws):
+                for name, value in law.pair(i, j, ij).items():
+                    key = f"{type(law).__name__}{number}.{name}" if name in law.own else name
+                    adds[key] = adds[key] + value if key in adds else value
+            stored = {name: adds.pop(name) for name in self.stored if name in adds}
+            parts = {name: components(value, dim) for name, value in adds.items()}
+            sums |= {name: (len(parts[name]), adds[name]) for name in parts}
+            support = None if self.uniform else ij.support
+            passes.append(Pass(source.first, source.last, parts, support, stored))
+        return Plan(
+            name=self.name,
+            title=", ".join(type(law).__name__ for law in self.laws),
+            dim=dim,
+            passes=tuple(passes),
+            results=self._results(me, sums),
+            targets=self.targets,
+            zeroed=self.zeroed,
+        )
+
+    def _results(self, me: Side, sums: Mapping[str, tuple[int, Any]]) -> dict[str, Result]:
+        """What becomes of the sums, by field."""
+        dim = self.names.dim
+        symbols = {name: _like(v, sum_symbols(name, k), dim) for name, (k, v) in sums.items()}
+        totals = {name: value for name, value in symbols.items() if "." not in name}
+        for number, law in enumerate(self.laws):
+            prefix = f"{type(law).__name__}{number}."
+            own = {n: symbols.get(prefix + n, 0.0) for n in law.own}
+            for name, value in law.finish(me, Values(**own)).items():
+                totals[name] = totals[name] + value if name in totals else value
+        return {
+            name: Result(components(value, dim), self.names.fields.get(name, 0) > 0)
+            for name, value in totals.items()
+        }
+
+    def source(self, form: str = "gather") -> Generated:
+        """The generated loops' text and sizes."""
+        return source_of(self.plan(), form)
+
+    def bind(
+        self, device: Device, fields: Mapping[str, Any], scratch: dict[str, Any]
+    ) -> Callable[..., None]:
+        """The loop on a device, with its arrays looked up.
+
+        Parameters
+        ----------
+        device
+            Where it runs.
+        fields
+            Arrays and numbers by name; numbers that are missing are given at every call, by name.
+        scratch
+            Records and columns that sweeps share, since one runs after the other.
+
+        Returns
+        -------
+        callable
+            ``f(n, **numbers)``.
+        """
+        form = "gather" if device.backend == "cpu" else "cuda"
+        made = self.source(form)
+        module = load(self.name, made.text, {})
+        n = len(fields["x"])
+        width = BATCH * batch_rows(device, n)
+        sizes = {
+            "record": n * made.record,
+            "columns": made.columns * width,
+            "whole_columns": made.whole_columns * width,
+        }
+        for name, size in sizes.items():
+            if name not in scratch or len(scratch[name]) < size:
+                kind = np.int64 if name == "whole_columns" else device.real
+                # ones: pairs that only fill a vector must not divide by zero
+                scratch[name] = device.array(np.ones(max(1, size), kind))
+        arrays = {**fields, **scratch}
+        loop, pack = getattr(module, self.name), getattr(module, f"pack_{self.name}")
+        return _Bound(device, (pack, loop), arrays)
+
+
+class _Bound:
+    """Loops that run one after the other, with numbers given at every call."""
+
+    def __init__(self, device: Device, loops: Sequence[Any], arrays: Mapping[str, Any]):
+        self.parts = [
+            (device.bind(loop, arrays), [a for a in loop.arguments if a not in arrays])
+            for loop in loops
+        ]
+
+    def __call__(self, n: int, **numbers: Any) -> None:
+        for run, missing in self.parts:
+            run(n, *(numbers[name] for name in missing))
+
+
+def _like(value: Any, parts: tuple[Node, ...], dim: int) -> Any:
+    """Symbols of a sum as the kind of value that was summed."""
+    if isinstance(value, Vector):
+        return Vector.of("sum", parts)
+    if isinstance(value, Symmetric):
+        return Symmetric(dim, dict(zip(value.values, parts, strict=True)))
+    return parts[0]

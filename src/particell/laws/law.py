@@ -1,0 +1,52 @@
+r"""What a law is: the equation of what particles do to each other, and nothing else.
+
+A law says what a pair adds to the sums of particle *i* (:meth:`Law.pair`) and what becomes of the
+sums when all neighbours have been visited (:meth:`Law.finish`). It is plain arithmetic on what it
+is given, so that one definition is made into loops (:mod:`particell.compute.composer`), evaluated
+on numbers, on quantities with units, and on SymPy's symbols.
+
+``i`` and ``j`` show what is known of the two particles: fields (``i.density``) and properties of
+their materials (``i.transverse``). ``ij`` is what the pair has (:class:`.Pair`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+from particell.compute.expressions import Number
+
+#: What a law adds, by the name of a field or of one of its own sums.
+Adds = Mapping[str, Any]
+
+
+class Law:
+    """A law between particles; derive from it and write :meth:`pair`."""
+
+    #: Names that :meth:`pair` and :meth:`finish` give, other than fields: sums of its own.
+    own: ClassVar[tuple[str, ...]] = ()
+
+    def pair(self, i: Any, j: Any, ij: Any) -> Adds:
+        """What j adds to the sums of i: numbers, vectors or symmetric tensors by name.
+
+        A name is that of a field, to which everything is added, or one of :attr:`own`.
+        """
+        return {}
+
+    def finish(self, i: Any, sums: Any) -> Adds:
+        """What is added to fields of i when all neighbours have been visited.
+
+        ``sums`` has the law's :attr:`own` ones as attributes.
+        """
+        return {}
+
+
+class Values:
+    """Numbers by name, as attributes: what a law is given where it is evaluated by hand."""
+
+    def __init__(self, **values: Number):
+        self.__dict__.update(values)
+
+    def replace(self, **values: Number) -> Values:
+        """The same with other values."""
+        return Values(**{**self.__dict__, **values})

@@ -1,0 +1,232 @@
+"""The sweeps of the flow schemes: which laws they sum, over whom, and what these may read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from particell.boundaries.wall_friction import FREE, slowed
+from particell.compute.expressions import Vector, call, symbol
+from particell.compute.sweep import Sweep
+from particell.laws.continuity import Continuity, DensityDiffusion, HeadOfRest
+from particell.laws.fluctuations import ThermalNoise
+from particell.laws.hydrostatics import Weight, rest_pressure_of
+from particell.laws.law import Law
+from particell.laws.pressure import PressureForce
+from particell.laws.shifting import Crowding
+from particell.laws.sums import DensityFilter, KernelSum, SummedDensity
+from particell.laws.transport_velocity import (
+    ConsistentContinuity,
+    MomentumFlux,
+    TransportContinuity,
+)
+from particell.laws.viscosity import Viscosity
+from particell.laws.wall_pressure import WallPressure, excess_names
+from particell.sources.mobile import ALL, MOBILE, Particles
+from particell.sources.source import Names, Side
+from particell.sources.walls import Walls
+
+#: Properties that sweeps read of fluids alone, never of walls.
+OF_FLUIDS = ("transverse", "radial", "thermal", "diffusion", "equation", "fluid")
+
+
+def tables_of(values: Mapping[str, np.ndarray], fluids: np.ndarray) -> dict[str, Any]:
+    """Properties by group as numbers where they are the same for all that have them.
+
+    Parameters
+    ----------
+    values
+        Arrays (G,) by name.
+    fluids
+        Which groups are fluids (G,).
+    """
+    found: dict[str, Any] = {}
+    for name, array in values.items():
+        shown = array[fluids] if name in OF_FLUIDS and np.any(fluids) else array
+        found[name] = float(shown[0]) if np.all(shown == shown[0]) else np.asarray(array, float)
+    return found
+
+
+def _ahead(held: int) -> Callable[[Side], Vector]:
+    """v at the end of the half step that is yet to come, by the last acceleration."""
+
+    def velocity(p: Side) -> Vector:
+        half_step, lead = symbol("number", "half_step"), symbol("number", "lead")
+        a = p.a.parts(p.dim)
+        if held != FREE:
+            a = (*a, *(0.0,) * (3 - p.dim))
+            friction = symbol("array", "wall_friction")
+            a = call(slowed, (p.index, friction, half_step, *a, p.dim, held), 3)[: p.dim]
+        step = lead * half_step
+        v = p.v.parts(p.dim)
+        return Vector.of("v_ahead", (q + step * b for q, b in zip(v, a, strict=True)))
+
+    return velocity
+
+
+def _half_way(p: Side) -> Vector:
+    """v in the middle of the step, by the last flux of momentum."""
+    half_step = symbol("number", "half_step")
+    parts = zip(p.v_before.parts(p.dim), p.flux.parts(p.dim), strict=True)
+    return Vector.of("v", (v + half_step * f for v, f in parts))
+
+
+def _shift_velocity(p: Side) -> Vector:
+    """δv, what the transport velocity has besides v."""
+    parts = zip(p.transport.parts(p.dim), p.v.parts(p.dim), strict=True)
+    return Vector.of("shift_velocity", (t - v for t, v in parts))
+
+
+@dataclass(frozen=True)
+class FlowSweeps:
+    """Descriptions of a flow scheme's sweeps.
+
+    Attributes
+    ----------
+    names
+        What laws may read, of the fields themselves.
+    kernel, uniform
+        The kernel's code; whether all supports are equal.
+    walls, unknown, held, moving
+        Whether there are walls, whether some have no known surface, how their friction is held
+        (:mod:`particell.boundaries.wall_friction`), whether they may move.
+    viscosity
+        The law of friction.
+    pressure
+        The form of the pressure's force.
+    noise, gaussian
+        Whether there is thermal noise; whether its numbers are normal.
+    lead
+        Whether friction takes velocities ahead.
+    shift
+        Whether particles are shifted.
+    diffusion
+        The law of the density's diffusion, if any.
+    head
+        Of a fluid at rest.
+    several
+        Whether there is more than one group of fluid.
+    """
+
+    names: Names
+    kernel: int
+    uniform: bool
+    walls: bool
+    unknown: bool
+    held: int
+    moving: bool
+    viscosity: Viscosity
+    pressure: str
+    noise: bool
+    gaussian: bool
+    lead: bool
+    shift: bool
+    diffusion: DensityDiffusion | None
+    head: HeadOfRest | None
+    several: bool
+
+    def _derived(self, **more: Callable[[Side], Any]) -> Names:
+        return replace(self.names, derived={**self.names.derived, **more})
+
+    def _sweep(self, name: str, laws: list[Law], sources: list[Any], **options: Any) -> Sweep:
+        options = {"names": self.names, **options}
+        return Sweep(
+            name,
+            tuple(laws),
+            tuple(sources),
+            kernel=self.kernel,
+            uniform=self.uniform,
+            **options,
+        )
+
+    def _density_laws(self) -> list[Law]:
+        return [Continuity(), *([self.diffusion] if self.diffusion else [])]
+
+    def _force_laws(self) -> list[Law]:
+        laws: list[Law] = [PressureForce(self.pressure), self.viscosity]
+        if self.noise:
+            laws.append(ThermalNoise(self.viscosity, self.gaussian))
+        if self.shift:
+            laws.append(Crowding())
+        return [*laws, Weight()]
+
+    def density_rates(self) -> Sweep:
+        """The density's rate half-way through a step."""
+        names = self._derived(density=lambda p: p.density_half)
+        walls = [Walls(self.unknown)] if self.walls else []
+        return self._sweep(
+            "density_rates",
+            self._density_laws(),
+            [MOBILE, *walls],
+            names=names,
+            zeroed=("density_rate",),
+        )
+
+    def forces(self, density: bool = False) -> Sweep:
+        """Accelerations, and with ``density`` the density's rate."""
+        over = lambda p: p.pressure_term - rest_pressure_of(p) / (  # noqa: E731
+            p.density * p.density * p.density_sum
+        )
+        derived: dict[str, Callable[[Side], Any]] = {
+            "specific_volume": lambda p: p.volume / p.mass,
+            "pressure_over_square": over,
+        }
+        velocity = "v"
+        if self.lead:
+            derived["v_ahead"] = _ahead(self.held)
+            velocity = "v_ahead"
+        walls = [Walls(self.unknown, its=velocity)] if self.walls else []
+        return self._sweep(
+            "rates" if density else "forces",
+            [*(self._density_laws() if density else []), *self._force_laws()],
+            [Particles(velocity=velocity), *walls],
+            names=self._derived(**derived),
+            zeroed=("a", *(("density_rate",) if density else ())),
+        )
+
+    def summed_density(self) -> Sweep:
+        """Density from the arrangement."""
+        return self._sweep("summed_density", [SummedDensity(self.kernel)], [ALL])
+
+    def kernel_sums(self) -> Sweep:
+        """The kernel's second moment, of walls too."""
+        return self._sweep("kernel_sums", [KernelSum()], [ALL], targets="all")
+
+    def wall_pressure(self) -> Sweep:
+        """Pressure of walls."""
+        return self._sweep(
+            "wall_pressure",
+            [WallPressure(self.moving)],
+            [MOBILE],
+            names=self._derived(**excess_names()),
+            targets="walls",
+        )
+
+    def flux_rates(self, consistent: bool, form: str) -> Sweep:
+        """Density's rate and flux of momentum where particles move with v + δv."""
+        names = self._derived(
+            specific_volume=lambda p: p.volume / p.mass,
+            density=lambda p: p.density_half,
+            shift_velocity=_shift_velocity,
+            v=_half_way,
+        )
+        first = ConsistentContinuity() if consistent else TransportContinuity()
+        laws: list[Law] = [first, *([self.diffusion] if self.diffusion else [])]
+        laws.append(MomentumFlux(form))
+        walls = [Walls(self.unknown)] if self.walls else []
+        return self._sweep(
+            "flux_rates",
+            laws,
+            [MOBILE, *walls],
+            names=names,
+            zeroed=("density_rate", "flux"),
+        )
+
+    def density_filter(self) -> Sweep:
+        """The density, filtered, as ``density_half``."""
+        return self._sweep(
+            "filtered_density", [DensityFilter(self.kernel, self.several, self.head)], [MOBILE]
+        )

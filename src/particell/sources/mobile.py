@@ -1,0 +1,37 @@
+"""Particles as they are: mobile ones, or all."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from particell.compute.expressions import Vector
+from particell.sources.source import Pair, Side, difference
+
+
+@dataclass(frozen=True)
+class Particles:
+    """Neighbours as they are.
+
+    Attributes
+    ----------
+    first, last
+        The list's arrays between whose values they stand in a row.
+    velocity
+        The name of the velocity that ij.v is made of.
+    """
+
+    first: str = "start"
+    last: str = "split"
+    velocity: str = "v"
+
+    def see(self, i: Side, j: Side, kernel: int, uniform: bool) -> tuple[Side, Side, Pair]:
+        """i, j and the pair as laws see them."""
+        velocity: Vector = difference(
+            "v", getattr(i, self.velocity), getattr(j, self.velocity)
+        )
+        return i, j, Pair(i, j, kernel, uniform, velocity)
+
+
+MOBILE = Particles()
+#: Walls too, as particles like any other.
+ALL = Particles(last="stop")

@@ -1,0 +1,194 @@
+r"""How a neighbour is seen: whose neighbours a sweep sums over, and what laws see of them.
+
+A source names the neighbours of a row and may show laws other values than those stored: a wall's
+velocity extrapolated through its surface, an image's mirrored one, the properties of the fluid that
+meets it. Laws do not know the difference.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+from particell.compute.expressions import Node, Number, Vector, call, early, sqrt, symbol
+from particell.kernels import power, shape_f, shape_w
+from particell.laws.fluctuations import pair_numbers
+
+TINY = 1e-300
+
+
+@dataclass(frozen=True)
+class Names:
+    """What laws may read of a particle, and where it is found.
+
+    Attributes
+    ----------
+    dim
+        The number of dimensions.
+    fields
+        Fields with their number of components; 0 for a number a particle.
+    tables
+        Properties by group; those that are the same for all groups have a number.
+    derived
+        Values made of others, by a function of the particle.
+    """
+
+    dim: int
+    fields: Mapping[str, int]
+    tables: Mapping[str, bool] = field(default_factory=dict)
+    derived: Mapping[str, Callable[[Side], Any]] = field(default_factory=dict)
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.fields or name in self.tables or name in self.derived
+
+    def look(self, name: str, side: Side) -> Any:
+        """A value of a particle, as symbols."""
+        if name in self.derived:
+            return self.derived[name](side)
+        if name in self.fields:
+            components = self.fields[name]
+            if components == 0:
+                return symbol("field", name, side.side)
+            parts = [symbol("field", name, side.side, d) for d in range(components)]
+            return Vector.of(f"{side.side}.{name}", parts)
+        if name in self.tables:
+            if self.tables[name]:
+                return symbol("table", name, side.side)
+            return symbol("number", name)
+        known = sorted({*self.fields, *self.tables, *self.derived})
+        raise AttributeError(f"particles have no '{name}'; there are {', '.join(known)}")
+
+
+class Side:
+    """What laws see of particle i or j."""
+
+    def __init__(self, names: Names, side: str, values: Mapping[str, Any] | None = None):
+        self.names, self.side = names, side
+        self._values = dict(values or {})
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_"):
+            raise AttributeError(name)
+        if name not in self._values:
+            self._values[name] = self.names.look(name, self)
+        return self._values[name]
+
+    @property
+    def dim(self) -> int:
+        """The number of dimensions."""
+        return self.names.dim
+
+    @property
+    def index(self) -> Node:
+        """The particle's place, for functions that take it."""
+        return symbol("index", "", self.side)
+
+    def replace(self, **values: Any) -> Side:
+        """The same particle, seen with other values."""
+        return Side(self.names, self.side, {**self._values, **values})
+
+
+def difference(name: str, a: Vector, b: Vector) -> Vector:
+    """a − b as a base vector of its own."""
+    dim = max(a.dim, b.dim)
+    return Vector.of(name, (p - q for p, q in zip(a.parts(dim), b.parts(dim), strict=True)))
+
+
+class Pair:
+    """What a pair of particles has: x_ij, r, e, v_ij, the kernel and its gradient.
+
+    Attributes
+    ----------
+    x, r, e
+        x_i − x_j of the nearest images in m, its length, the unit vector along it.
+    v
+        v_i − v_j in m/s; of walls extrapolated through the surface.
+    support
+        The kernel's, the mean of both, in m.
+    F, W
+        −W'/r in 1/m^(D+2) and the kernel in 1/m^D.
+    weight
+        V_j F in 1/m².
+    wall
+        Whether j is a particle of a wall.
+    """
+
+    def __init__(
+        self,
+        i: Side,
+        j: Side,
+        kernel: int,
+        uniform: bool,
+        velocity: Vector | None = None,
+        wall: bool = False,
+        extrapolation: Number = 1.0,
+    ):
+        self.i, self.j, self.dim = i, j, i.names.dim
+        self.kernel, self.uniform, self.wall = kernel, uniform, wall
+        self.extrapolation = extrapolation
+        self._velocity = velocity
+        self.x = Vector.of("x", [symbol("pair", f"dx{d}", "pair") for d in range(self.dim)])
+
+    @cached_property
+    def v(self) -> Vector:
+        """See the class."""
+        if self._velocity is not None:
+            return self._velocity
+        return difference("v", self.i.v, self.j.v)
+
+    @cached_property
+    def square(self) -> Number:
+        """r² in m²."""
+        return self.x.dot(self.x)
+
+    @cached_property
+    def r(self) -> Number:
+        """See the class."""
+        return sqrt(self.square)
+
+    @cached_property
+    def inverse_r(self) -> Number:
+        """1/r; finite at r = 0."""
+        return 1.0 / (self.r + TINY)
+
+    @cached_property
+    def e(self) -> Vector:
+        """See the class."""
+        return self.inverse_r * self.x
+
+    @cached_property
+    def support(self) -> Number:
+        """See the class."""
+        return self.i.support if self.uniform else early(0.5 * (self.i.support + self.j.support))
+
+    @cached_property
+    def _inverse(self) -> Number:
+        return 1.0 / self.support
+
+    @cached_property
+    def _scale(self) -> Number:
+        return symbol("number", "alpha") * call(power, (self._inverse, self.dim))
+
+    @cached_property
+    def F(self) -> Number:
+        """See the class."""
+        shape = call(shape_f, (self.r * self._inverse, self.kernel))
+        return (self._scale * self._inverse * self._inverse) * shape
+
+    @cached_property
+    def W(self) -> Number:
+        """See the class."""
+        return self._scale * call(shape_w, (self.r * self._inverse, self.kernel))
+
+    @cached_property
+    def weight(self) -> Number:
+        """See the class."""
+        return self.j.volume * self.F
+
+    def noise(self, gaussian: bool) -> Vector:
+        """D numbers of zero mean and unit variance, ξ_ij = −ξ_ji; of the pair's ids and the step."""
+        numbers = [symbol("number", name) for name in ("step", "key0", "key1")]
+        args = (self.i.id, self.j.id, *numbers, gaussian, self.dim)
+        return Vector.of("noise", call(pair_numbers, args, 3)[: self.dim])

@@ -1,0 +1,111 @@
+"""Walls of particles: velocities extrapolated through the surface, the fluid's own properties.
+
+See :mod:`particell.boundaries.wall` for the extrapolation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from numba import njit
+
+from particell.boundaries.wall import extrapolation, missed, plane_distances, surface_distance
+from particell.compute.expressions import Number, Vector, call, early, symbol
+from particell.laws.viscosity import TINY, sheared
+from particell.sources.source import Pair, Side
+
+#: What laws see of a wall particle: the properties of the fluid that meets it.
+FLUIDS_OWN = ("transverse", "radial", "thermal", "kernel_sum")
+
+
+@njit
+def seen_wall(
+    i,
+    j,
+    dx,
+    dy,
+    dz,
+    support,
+    wall_normal,
+    wall_depth,
+    wall_curvature,
+    wall_direction,
+    wall_distance,
+    DIM,
+    UNKNOWN,
+):
+    """The factor of differences, d_i, d_j and the normal of the surface between i and j."""
+    depth = wall_depth[j]
+    nx = wall_normal[j, 0]
+    ny = wall_normal[j, 1] if DIM > 1 else 0.0
+    nz = wall_normal[j, 2] if DIM > 2 else 0.0
+    curvature = wall_curvature[j]
+    tx, ty, tz = dx - depth * nx, dy - depth * ny, dz - depth * nz
+    distance = surface_distance(tx, ty, tz, nx, ny, nz, curvature)
+    if UNKNOWN and nx == 0.0 and ny == 0.0 and nz == 0.0:
+        distance, depth = plane_distances(i, dx, dy, dz, wall_direction, wall_distance, DIM)
+        curvature = 0.0
+        nx = wall_direction[i, 0]
+        ny = wall_direction[i, 1] if DIM > 1 else 0.0
+        nz = wall_direction[i, 2] if DIM > 2 else 0.0
+    grow = extrapolation(distance, depth, support, curvature, DIM)
+    return grow, distance, depth, nx, ny, nz
+
+
+class WallPair(Pair):
+    """A pair of fluid and wall; ``missed`` is q_ij of :mod:`particell.boundaries.wall`."""
+
+    distance: Number
+    depth: Number
+    normal: tuple[Number, ...]
+
+    @property
+    def missed(self) -> Number:
+        """What the extrapolation misses of quadratic profiles, by the friction's shear along it."""
+        along: Number = 0.0
+        for n, d in zip(self.normal, self.x.parts(self.dim), strict=False):
+            along = along + n * d
+        square = along * along / (self.square + TINY)
+        share = call(sheared, (self.i.transverse, self.i.radial, square, self.dim))
+        q = call(missed, (self.distance, self.depth, self.i.support, self.extrapolation))
+        return early(q * share)
+
+
+@dataclass(frozen=True)
+class Walls:
+    """Wall particles of a row.
+
+    Attributes
+    ----------
+    unknown
+        Whether some have no known surface.
+    velocity, its
+        The names of the velocity of the fluid and of the wall that ij.v is made of.
+    """
+
+    unknown: bool
+    velocity: str = "v"
+    its: str = "v"
+    first: str = "split"
+    last: str = "stop"
+
+    def see(self, i: Side, j: Side, kernel: int, uniform: bool) -> tuple[Side, Side, Any]:
+        """i, j and the pair as laws see them."""
+        dim = i.names.dim
+        dx = [symbol("pair", f"dx{d}", "pair") for d in range(dim)]
+        dx += [0.0] * (3 - dim)
+        names = ("normal", "depth", "curvature", "direction", "distance")
+        arrays = [symbol("array", f"wall_{name}") for name in names]
+        args = (i.index, j.index, *dx, i.support, *arrays, dim, self.unknown)
+        grow, distance, depth, *normal = call(seen_wall, args, 6, early=True)
+        known = {n for n in FLUIDS_OWN if n in i.names}
+        j = j.replace(**{name: getattr(i, name) for name in known})
+        own = getattr(i, self.velocity).parts(dim)
+        its = getattr(j, self.its).parts(dim)
+        velocity = Vector.of(
+            "v", (grow * (p - q) for p, q in zip(own, its, strict=True))
+        )
+        pair = WallPair(i, j, kernel, uniform, velocity, wall=True, extrapolation=grow)
+        pair.distance, pair.depth, pair.normal = distance, depth, tuple(normal[:dim])
+        return i, j, pair

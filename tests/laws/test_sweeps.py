@@ -108,7 +108,8 @@ def test_momentum_is_exchanged(dim, noise):
 def test_momentum_of_two_materials_of_two_resolutions(dim):
     """Viscosities whose ratios of bulk to shear differ, two temperatures, two supports."""
     simulation = scattered(dim, materials=2, supports=2, fluctuations=True)
-    assert simulation.solver.options["MIXED"] and not simulation.solver.options["UNIFORM"]
+    sweeps = simulation.solver.sweeps()
+    assert sweeps.names.tables["transverse"] and not sweeps.uniform
     simulation.start()
     assert momentum_rate(simulation) < 1e-14
 

@@ -10,16 +10,17 @@ import itertools
 import numpy as np
 import pytest
 
+from particell.compute.expressions import Vector
 from particell.errors import InputError
 from particell.geometry.domain import Domain
 from particell.geometry.fill import lattice
 from particell.kernels import LUCY, normalisation
+from particell.laws.law import Values, pair_of
+from particell.laws.pressure import PressureForce
 from particell.laws.transport_velocity import (
-    conserving_flux,
+    MomentumFlux,
+    TransportContinuity,
     consistent_trace,
-    mass_flux,
-    switched_term,
-    uniform_flux,
 )
 from particell.phases import Phase, box_walls, fluid
 from particell.schemes.transport_velocity import TransportVelocity
@@ -58,37 +59,59 @@ def random_shift(simulation):
     return np.random.default_rng(4).normal(size=simulation.particles.host("v").shape)
 
 
+def two_particles(**more):
+    """i and j in one dimension with what the laws below read; ``more`` are tuples for both."""
+    both = {
+        "x": (0.7, 0.1),
+        "v": (0.7, -0.3),
+        "shift_velocity": (0.2, -0.4),
+        "volume": (2.0, 3.0),
+        "density": (1.1, 0.9),
+        "support": (1.0, 1.0),
+        **more,
+    }
+    found = []
+    for k in range(2):
+        values = {n: v[k] for n, v in both.items()}
+        for name in ("x", "v", "shift_velocity"):
+            values[name] = Vector.of(name, [values[name]])
+        values["mass"] = values["volume"] * values["density"]
+        values["specific_volume"] = 1.0 / values["density"]
+        found.append(Values(dim=1, **values))
+    return found
+
+
+def both_ways(law, i, j, name, F=0.5):
+    """What i and j get by a law, times their volumes."""
+    one = law.pair(i, j, pair_of(i, j, F))[name]
+    two = law.pair(j, i, pair_of(j, i, F))[name]
+    one, two = (v.parts(1)[0] if isinstance(v, Vector) else v for v in (one, two))
+    return i.volume * one, j.volume * two
+
+
 def test_mass_that_leaves_one_particle_enters_the_other():
-    """V_i times the flux into i and V_j times that into j (where x_ij has changed sign) cancel."""
-    into_i = 2.0 * mass_flux(3.0 * 0.5, 1.1, 0.9, 0.2, -0.4)
-    into_j = 3.0 * mass_flux(2.0 * 0.5, 0.9, 1.1, 0.4, -0.2)
-    assert into_i == pytest.approx(-2.0 * 3.0 * 0.5 * (1.1 * 0.2 - 0.9 * 0.4), rel=1e-14)
-    assert into_i + into_j == pytest.approx(0.0, abs=1e-15)
+    """What δv carries cancels; in the other part velocities and δv are equal."""
+    i, j = two_particles(v=(0.0, 0.0))
+    into_i, into_j = both_ways(TransportContinuity(), i, j, "density_rate")
+    x, f = 0.6, 0.5
+    carried = -2.0 * 3.0 * f * (1.1 * 0.2 - 0.9 * 0.4) * x
+    moved = 2.0 * 3.0 * f * 0.6 * x
+    assert into_i == pytest.approx(carried - 1.1 * moved, rel=1e-14)
+    assert into_j == pytest.approx(-carried - 0.9 * moved, rel=1e-14)
 
 
 def test_conserving_flux_is_antisymmetric():
-    volume_i, volume_j, density_i, density_j, f = 2.0, 3.0, 1.1, 0.9, 0.5
-    velocity_i, velocity_j, shift_i, shift_j = 0.7, -0.3, 0.2, -0.4
-
-    def force_on_i():
-        a = conserving_flux(volume_j * f, density_j / density_i, shift_i) * velocity_i
-        a += conserving_flux(volume_j * f, 1.0, shift_j) * velocity_j
-        return density_i * volume_i * a
-
-    def force_on_j():
-        a = conserving_flux(volume_i * f, density_i / density_j, -shift_j) * velocity_j
-        return (
-            density_j * volume_j * (a + conserving_flux(volume_i * f, 1.0, -shift_i) * velocity_i)
-        )
-
-    assert force_on_i() + force_on_j() == pytest.approx(0.0, abs=1e-15)
+    i, j = two_particles()
+    on_i, on_j = both_ways(MomentumFlux("conserving"), i, j, "flux")
+    assert i.density * on_i + j.density * on_j == pytest.approx(0.0, abs=1e-15)
 
 
 def test_uniform_flux_of_a_pair():
     """V_j (ρ_j/ρ_i) (v_j − v_i) δv_j·∇W, with ∇W = −F x_ij."""
-    assert uniform_flux(3.0 * 0.5, 2.0, 0.25) * (1.0 - 4.0) == pytest.approx(
-        3.0 * 2.0 * (4.0 - 1.0) * 0.25 * -0.5
-    )
+    i, j = two_particles()
+    on_i, _ = both_ways(MomentumFlux("uniform"), i, j, "flux")
+    expected = 3.0 * (0.9 / 1.1) * (-0.3 - 0.7) * (-0.4 * -0.5 * 0.6)
+    assert on_i / i.volume == pytest.approx(expected, rel=1e-14)
 
 
 @pytest.mark.parametrize(
@@ -96,7 +119,9 @@ def test_uniform_flux_of_a_pair():
 )
 def test_pressure_switch(term_i, term_j, expected):
     """P_j/ρ_j² − P_i/ρ_i² where the sum is negative; what attracts through i repels."""
-    assert switched_term(term_i, term_j) + term_j == expected
+    i, j = two_particles(pressure_over_square=(term_i, term_j))
+    push = PressureForce("switched").pair(i, j, pair_of(i, j, 0.5))["a"].parts(1)[0]
+    assert push == pytest.approx(j.mass * expected * 0.5 * 0.6)
 
 
 @pytest.mark.parametrize("dim", [2, 3])

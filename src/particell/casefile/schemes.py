@@ -10,10 +10,10 @@ from pydantic import Field
 from particell.casefile.scope import Scope
 from particell.casefile.table import Table, describes
 from particell.kernels import CODES
+from particell.laws.transport_velocity import FORMS
 from particell.schemes.sdpd import DENSITIES, INTEGRATORS, NOISES, SDPD
 from particell.schemes.static import Static
-from particell.schemes.transport_rates import FORMS, PRESSURE_FORCES
-from particell.schemes.transport_velocity import TransportVelocity
+from particell.schemes.transport_velocity import PRESSURE_FORCES, TransportVelocity
 from particell.units import Acceleration, Number, Pressure, Velocity
 
 _Kernel = Annotated[str, Field(json_schema_extra={"enum": list(CODES)})]

@@ -513,9 +513,7 @@ class _Generator:
         ]
         lines = self._write(pairs, wanted)
         for name, values in p.sums.items():
-            for target, number in zip(
-                sum_names(name, len(values)), roots[name], strict=True
-            ):
+            for target, number in zip(sum_names(name, len(values)), roots[name], strict=True):
                 if isinstance(number, int):
                     lines.append(f"{target} += {pairs.names[number]}")
                 elif number:
@@ -537,5 +535,3 @@ def sum_symbols(name: str, components: int) -> tuple[Node, ...]:
     return tuple(
         Node("symbol", (), ("sum", text, "i", None)) for text in sum_names(name, components)
     )
-
-

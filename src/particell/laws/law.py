@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
-from particell.compute.expressions import Number
+from particell.compute.expressions import Number, Vector, sqrt
 
 #: What a law adds, by the name of a field or of one of its own sums.
 Adds = Mapping[str, Any]
@@ -50,3 +50,38 @@ class Values:
     def replace(self, **values: Number) -> Values:
         """The same with other values."""
         return Values(**{**self.__dict__, **values})
+
+
+def pair_of(i: Values, j: Values, F: Number, W: Number = 0.0, **more: Any) -> Values:
+    """The pair of two particles given by hand, for laws to be evaluated on.
+
+    Parameters
+    ----------
+    i, j
+        With ``x``, ``v`` (:class:`.Vector`), ``support`` and what the law reads.
+    F, W
+        The kernel's −W'/r and value: numbers, quantities or symbols.
+    **more
+        What the pair has besides (``wall``, ``extrapolation``, ``noise``, …).
+    """
+    dim = i.x.dim
+    x, v = (
+        Vector.of(name, (p - q for p, q in zip(a.parts(dim), b.parts(dim), strict=True)))
+        for name, a, b in (("x", i.x, j.x), ("v", i.v, j.v))
+    )
+    square = x.dot(x)
+    r = sqrt(square)
+    values = {
+        "x": x,
+        "v": v,
+        "square": square,
+        "r": r,
+        "e": (1.0 / r) * x,
+        "support": 0.5 * (i.support + j.support),
+        "F": F,
+        "W": W,
+        "weight": j.volume * F,
+        "wall": False,
+        "extrapolation": 1.0,
+    }
+    return Values(**{**values, **more})

@@ -89,6 +89,4 @@ class DensityFilter(Law):
     def finish(self, i: Any, sums: Any) -> Adds:
         """With what the particle itself adds."""
         own = own_kernel(i, self.kernel)
-        return {
-            "density_half": (sums.above + i.mass * own) / (sums.below + i.volume * own)
-        }
+        return {"density_half": (sums.above + i.mass * own) / (sums.below + i.volume * own)}

@@ -70,7 +70,7 @@ def _ahead(held: int) -> Callable[[Side], Vector]:
 def _half_way(p: Side) -> Vector:
     """v in the middle of the step, by the last flux of momentum."""
     half_step = symbol("number", "half_step")
-    parts = zip(p.v_before.parts(p.dim), p.flux.parts(p.dim), strict=True)
+    parts = zip(p.field("v").parts(p.dim), p.flux.parts(p.dim), strict=True)
     return Vector.of("v", (v + half_step * f for v, f in parts))
 
 
@@ -107,8 +107,8 @@ class FlowSweeps:
         The law of the density's diffusion, if any.
     head
         Of a fluid at rest.
-    several
-        Whether there is more than one group of fluid.
+    several, parted
+        Whether there is more than one group of fluid, and with other equations of state.
     """
 
     names: Names
@@ -127,6 +127,7 @@ class FlowSweeps:
     diffusion: DensityDiffusion | None
     head: HeadOfRest | None
     several: bool
+    parted: bool
 
     def _derived(self, **more: Callable[[Side], Any]) -> Names:
         return replace(self.names, derived={**self.names.derived, **more})
@@ -167,8 +168,12 @@ class FlowSweeps:
 
     def forces(self, density: bool = False) -> Sweep:
         """Accelerations, and with ``density`` the density's rate."""
-        over = lambda p: p.pressure_term - rest_pressure_of(p) / (  # noqa: E731
-            p.density * p.density * p.density_sum
+        over = lambda p: (
+            p.pressure_term
+            - rest_pressure_of(p)
+            / (  # noqa: E731
+                p.density * p.density * p.density_sum
+            )
         )
         derived: dict[str, Callable[[Side], Any]] = {
             "specific_volume": lambda p: p.volume / p.mass,
@@ -220,7 +225,7 @@ class FlowSweeps:
         return self._sweep(
             "flux_rates",
             laws,
-            [MOBILE, *walls],
+            [Particles(jumps=self.parted), *walls],
             names=names,
             zeroed=("density_rate", "flux"),
         )

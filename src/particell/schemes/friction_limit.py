@@ -79,8 +79,8 @@ def stiffest(
     """
     found = 0.0
     for other in others:
-        across = harmonic_mean.py_func(own[0], other[0])
-        along = harmonic_mean.py_func(sum(own), sum(other))
+        across = harmonic_mean(own[0], other[0])
+        along = harmonic_mean(sum(own), sum(other))
         size = max(across, along)
         if size > 0.0:  # in units of its size, so that few kinds need to be remembered
             ratio = (round(across / size, 9), round((along - across) / size, 9))

@@ -238,6 +238,7 @@ class SDPDSolver:
             diffusion=DensityDiffusion(head, self.parted) if scheme.delta > 0 else None,
             head=head,
             several=int(self.fluids.sum()) > 1,
+            parted=self.parted,
         )
 
     @staticmethod

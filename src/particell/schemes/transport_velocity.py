@@ -19,14 +19,17 @@ from particell.compute.neighbours import NeighbourList
 from particell.errors import InputError
 from particell.geometry.domain import Domain
 from particell.kernels import kernel_code
+from particell.laws.transport_velocity import FORMS
 from particell.materials import Fluid
 from particell.particles import Particles
 from particell.schemes.timestep import VISCOUS
-from particell.schemes.transport_rates import FORMS, PRESSURE_FORCES
 from particell.schemes.transport_velocity_solver import TransportVelocitySolver
 
 #: Largest δ: explicit diffusion at the time step that sound allows is unstable at 0.3.
 MOST_DIFFUSION = 0.2
+
+#: Forms of the pressure's force (:class:`.PressureForce`).
+PRESSURE_FORCES = ("symmetric", "difference")
 
 
 @checked

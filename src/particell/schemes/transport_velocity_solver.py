@@ -12,16 +12,7 @@ from particell.geometry.domain import Domain
 from particell.materials import Fluid
 from particell.particles import Particles
 from particell.schemes import updates
-from particell.schemes.rates import RECORD
 from particell.schemes.sdpd_solver import SDPDSolver
-from particell.schemes.transport_rates import (
-    FORMS,
-    PRESSURE_FORCES,
-    filtered_density,
-    flux_fields,
-    flux_rates,
-    pack_flux,
-)
 
 if TYPE_CHECKING:
     from particell.schemes.transport_velocity import TransportVelocity

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from particell.compute.expressions import Vector
+from particell.compute.expressions import Vector, where
 from particell.sources.source import Pair, Side, difference
 
 
@@ -18,17 +18,22 @@ class Particles:
         The list's arrays between whose values they stand in a row.
     velocity
         The name of the velocity that ij.v is made of.
+    jumps
+        Whether fluids with another equation of state are seen with the density of i, so that
+        nothing is carried across the jump between them.
     """
 
     first: str = "start"
     last: str = "split"
     velocity: str = "v"
+    jumps: bool = False
 
     def see(self, i: Side, j: Side, kernel: int, uniform: bool) -> tuple[Side, Side, Pair]:
         """i, j and the pair as laws see them."""
-        velocity: Vector = difference(
-            "v", getattr(i, self.velocity), getattr(j, self.velocity)
-        )
+        velocity: Vector = difference("v", getattr(i, self.velocity), getattr(j, self.velocity))
+        if self.jumps:
+            same = j.equation.equals(i.equation)
+            j = j.replace(density=where(same, j.density, i.density))
         return i, j, Pair(i, j, kernel, uniform, velocity)
 
 

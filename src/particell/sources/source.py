@@ -43,9 +43,9 @@ class Names:
     def __contains__(self, name: str) -> bool:
         return name in self.fields or name in self.tables or name in self.derived
 
-    def look(self, name: str, side: Side) -> Any:
+    def look(self, name: str, side: Side, derived: bool = True) -> Any:
         """A value of a particle, as symbols."""
-        if name in self.derived:
+        if derived and name in self.derived:
             return self.derived[name](side)
         if name in self.fields:
             components = self.fields[name]
@@ -79,6 +79,10 @@ class Side:
     def dim(self) -> int:
         """The number of dimensions."""
         return self.names.dim
+
+    def field(self, name: str) -> Any:
+        """A field itself, whatever else goes by its name."""
+        return self.names.look(name, self, derived=False)
 
     @property
     def index(self) -> Node:

@@ -103,9 +103,7 @@ class Walls:
         j = j.replace(**{name: getattr(i, name) for name in known})
         own = getattr(i, self.velocity).parts(dim)
         its = getattr(j, self.its).parts(dim)
-        velocity = Vector.of(
-            "v", (grow * (p - q) for p, q in zip(own, its, strict=True))
-        )
+        velocity = Vector.of("v", (grow * (p - q) for p, q in zip(own, its, strict=True)))
         pair = WallPair(i, j, kernel, uniform, velocity, wall=True, extrapolation=grow)
         pair.distance, pair.depth, pair.normal = distance, depth, tuple(normal[:dim])
         return i, j, pair

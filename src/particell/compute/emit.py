@@ -14,7 +14,8 @@ from particell.compute.expressions import Node
 NUMBER, OWN, GATHERED, PAIR = range(4)
 
 _INFIX = {"+", "-", "*", "/", "<", "<=", ">", ">=", "==", "!="}
-_CALLS = {"sqrt": "math.sqrt", "max": "max", "min": "min"}
+_CALLS = {"max": "max", "min": "min"}
+_CALLS |= {name: f"math.{name}" for name in ("sqrt", "exp", "log", "sin", "cos", "tanh")}
 
 
 class Numbering:

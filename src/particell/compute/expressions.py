@@ -1,13 +1,14 @@
 r"""What laws compute, written down instead of carried out.
 
-A law is plain arithmetic on what it is given (:mod:`particell.laws.law`). Given the symbols of this
-module it leaves behind the expression of what it computes, from which
-:mod:`particell.compute.composer` makes loops. Given floats, arrays, quantities with units or SymPy's
-symbols it computes with those: the functions here (:func:`sqrt`, :func:`where`, …) take all of them.
+A law is plain arithmetic on what it is given (:mod:`particell.laws.law`). Given the symbols of
+this module it leaves behind the expression of what it computes, from which
+:mod:`particell.compute.composer` makes loops. Given floats, arrays, quantities with units or
+SymPy's symbols it computes with those: the functions here (:func:`sqrt`, :func:`where`, …) take
+all of them.
 
 A :class:`Vector` is a sum of coefficients times *base vectors* (x_ij, v_ij, δv_j, …). So what
-several laws add along one base vector is collected before it is multiplied by its components, as one
-would by hand, and a scalar product of two bases is computed once.
+several laws add along one base vector is collected before it is multiplied by its components, as
+one would by hand, and a scalar product of two bases is computed once.
 """
 
 from __future__ import annotations
@@ -73,8 +74,8 @@ class Node:
     def __neg__(self) -> Number:
         return Node("neg", (self,))
 
-    def __pow__(self, exponent: int) -> Number:
-        if exponent not in (2, 3, 4):
+    def __pow__(self, exponent: Number) -> Number:
+        if not _is_plain(exponent) or exponent not in (2, 3, 4):
             return Node("**", (self, exponent))
         square = self * self
         return square if exponent == 2 else square * (self if exponent == 3 else square)
@@ -141,6 +142,8 @@ def call(function: Callable[..., Any], args: Sequence[Any], results: int = 1, ea
     ``early`` ones branch or look up tables and would keep a loop from being vectorised: they are
     called where neighbours are gathered.
     """
+    if not any(isinstance(a, Node) for a in args):
+        return getattr(function, "py_func", function)(*args)
     whole = Node("call", tuple(args), (function, results, early))
     if results == 1:
         return whole
@@ -173,6 +176,20 @@ def sqrt(x: Number) -> Number:
     if _symbolic(x):
         return _sympy().sqrt(x)
     return x**0.5 if hasattr(x, "dimensionality") else np.sqrt(x)
+
+
+def _function(name: str) -> Callable[[Number], Number]:
+    def function(x: Number) -> Number:
+        if isinstance(x, Node):
+            return Node(name, (x,))
+        return getattr(_sympy() if _symbolic(x) else np, name)(x)
+
+    function.__name__ = name
+    function.__doc__ = f"``{name}`` of a number, node or symbol."
+    return function
+
+
+exp, log, sin, cos, tanh = map(_function, ("exp", "log", "sin", "cos", "tanh"))
 
 
 def where(condition: Number, a: Number, b: Number) -> Number:

@@ -5,6 +5,7 @@ The plan of the loop comes from giving the laws symbols; see :mod:`particell.com
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -14,8 +15,9 @@ import numpy as np
 from particell.compute.batches import BATCH, batch_rows
 from particell.compute.composer import Generated, Pass, Plan, Result, source_of, sum_symbols
 from particell.compute.device import Device
-from particell.compute.expressions import Node, Symmetric, Vector, components
+from particell.compute.expressions import Node, Symmetric, Vector, components, symbol
 from particell.compute.generated import load
+from particell.errors import unknown_name
 from particell.laws.law import Law, Values
 from particell.sources.source import Names, Side
 
@@ -56,17 +58,45 @@ class Sweep:
     zeroed: tuple[str, ...] = ()
     stored: tuple[str, ...] = ()
 
+    def numbers(self) -> dict[str, float]:
+        """The laws' own numbers, which the loop is given, by name."""
+        return {
+            f"{_name(law, k)}_{name}": value
+            for k, law in enumerate(self.laws)
+            for name, value in vars(law).items()
+            if isinstance(value, float)
+        }
+
+    def _with_symbols(self) -> list[Law]:
+        """The laws with symbols for their own numbers: other values are the same loop."""
+        found = []
+        for k, law in enumerate(self.laws):
+            shown = copy.copy(law)
+            for name, value in vars(law).items():
+                if isinstance(value, float):
+                    known = symbol("number", f"{_name(law, k)}_{name}")
+                    object.__setattr__(shown, name, known)
+            found.append(shown)
+        return found
+
     def plan(self) -> Plan:
-        """What the loop is generated from."""
+        """What the loop is generated from.
+
+        Raises
+        ------
+        InputError
+            Where a law reads or adds what there is not.
+        """
         dim = self.names.dim
+        laws = self._with_symbols()
         me = Side(self.names, "i")
         passes, sums = [], {}
         for source in self.sources:
             i, j, ij = source.see(me, Side(self.names, "j"), self.kernel, self.uniform)
             adds: dict[str, Any] = {}
-            for number, law in enumerate(self.laws):
+            for number, law in enumerate(laws):
                 for name, value in law.pair(i, j, ij).items():
-                    key = f"{type(law).__name__}{number}.{name}" if name in law.own else name
+                    key = f"{_name(law, number)}.{name}" if name in law.own else name
                     adds[key] = adds[key] + value if key in adds else value
             stored = {name: adds.pop(name) for name in self.stored if name in adds}
             parts = {name: components(value, dim) for name, value in adds.items()}
@@ -78,23 +108,28 @@ class Sweep:
             title=", ".join(type(law).__name__ for law in self.laws),
             dim=dim,
             passes=tuple(passes),
-            results=self._results(me, sums),
+            results=self._results(me, laws, sums),
             targets=self.targets,
             zeroed=self.zeroed,
         )
 
-    def _results(self, me: Side, sums: Mapping[str, tuple[int, Any]]) -> dict[str, Result]:
+    def _results(
+        self, me: Side, laws: Sequence[Law], sums: Mapping[str, tuple[int, Any]]
+    ) -> dict[str, Result]:
         """What becomes of the sums, by field."""
         dim = self.names.dim
         symbols = {name: _like(v, sum_symbols(name, k), dim) for name, (k, v) in sums.items()}
         totals = {name: value for name, value in symbols.items() if "." not in name}
-        for number, law in enumerate(self.laws):
-            prefix = f"{type(law).__name__}{number}."
+        for number, law in enumerate(laws):
+            prefix = f"{_name(law, number)}."
             own = {n: symbols.get(prefix + n, 0.0) for n in law.own}
             for name, value in law.finish(me, Values(**own)).items():
                 totals[name] = totals[name] + value if name in totals else value
+        for name in totals:
+            if name not in self.names.fields:
+                raise unknown_name("what a law adds", name, self.names.fields)
         return {
-            name: Result(components(value, dim), self.names.fields.get(name, 0) > 0)
+            name: Result(components(value, dim), self.names.fields[name] > 0)
             for name, value in totals.items()
         }
 
@@ -136,9 +171,14 @@ class Sweep:
                 kind = np.int64 if name == "whole_columns" else device.real
                 # ones: pairs that only fill a vector must not divide by zero
                 scratch[name] = device.array(np.ones(max(1, size), kind))
-        arrays = {**fields, **scratch}
+        arrays = {**fields, **self.numbers(), **scratch}
         loop, pack = getattr(module, self.name), getattr(module, f"pack_{self.name}")
         return _Bound(device, (pack, loop), arrays)
+
+
+def _name(law: Law, number: int) -> str:
+    """What a law of a sweep is called."""
+    return f"{type(law).__name__}{number}"
 
 
 class _Bound:

@@ -80,6 +80,11 @@ def _shift_velocity(p: Side) -> Vector:
     return Vector.of("shift_velocity", (t - v for t, v in parts))
 
 
+def _pressure_over_square(p: Side) -> Any:
+    """P'/(s ρ²): of what a fluid at rest does not have."""
+    return p.pressure_term - rest_pressure_of(p) / (p.density * p.density * p.density_sum)
+
+
 @dataclass(frozen=True)
 class FlowSweeps:
     """Descriptions of a flow scheme's sweeps.
@@ -109,6 +114,8 @@ class FlowSweeps:
         Of a fluid at rest.
     several, parted
         Whether there is more than one group of fluid, and with other equations of state.
+    more
+        Laws of the user's.
     """
 
     names: Names
@@ -128,6 +135,7 @@ class FlowSweeps:
     head: HeadOfRest | None
     several: bool
     parted: bool
+    more: tuple[Law, ...] = ()
 
     def _derived(self, **more: Callable[[Side], Any]) -> Names:
         return replace(self.names, derived={**self.names.derived, **more})
@@ -152,7 +160,7 @@ class FlowSweeps:
             laws.append(ThermalNoise(self.viscosity, self.gaussian))
         if self.shift:
             laws.append(Crowding())
-        return [*laws, Weight()]
+        return [*laws, *self.more, Weight()]
 
     def density_rates(self) -> Sweep:
         """The density's rate half-way through a step."""
@@ -168,16 +176,9 @@ class FlowSweeps:
 
     def forces(self, density: bool = False) -> Sweep:
         """Accelerations, and with ``density`` the density's rate."""
-        over = lambda p: (
-            p.pressure_term
-            - rest_pressure_of(p)
-            / (  # noqa: E731
-                p.density * p.density * p.density_sum
-            )
-        )
         derived: dict[str, Callable[[Side], Any]] = {
             "specific_volume": lambda p: p.volume / p.mass,
-            "pressure_over_square": over,
+            "pressure_over_square": _pressure_over_square,
         }
         velocity = "v"
         if self.lead:

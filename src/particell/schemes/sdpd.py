@@ -19,6 +19,7 @@ from particell.compute.device import Device
 from particell.compute.neighbours import NeighbourList
 from particell.errors import InputError
 from particell.geometry.domain import Domain
+from particell.laws.law import Law, check_laws
 from particell.materials import Fluid
 from particell.particles import Particles
 from particell.schemes.checks import check_choice, check_kernel
@@ -69,6 +70,9 @@ class SDPD:
         Bounce particles back that have crossed a wall's surface, as
         :class:`~particell.schemes.transport_velocity.TransportVelocity` does.
 
+    more
+        Laws of one's own (:class:`particell.laws.law.Law`) that act besides the scheme's.
+
     Raises
     ------
     InputError
@@ -88,6 +92,7 @@ class SDPD:
     pressure_drop: float = 0.0
     skin: float | None = None
     impenetrable: bool = False
+    more: tuple[Law, ...] = ()
 
     normalise_viscosity: ClassVar[bool] = False
 
@@ -96,6 +101,7 @@ class SDPD:
             # thermal motion separates neighbours that a flow keeps together
             object.__setattr__(self, "skin", 0.3 if self.fluctuations else 0.1)
         check_kernel(self.kernel, self.support)
+        check_laws(self.more)
         check_choice("integrator", self.integrator, INTEGRATORS)
         check_choice("density", self.density, DENSITIES)
         check_choice("noise", self.noise, NOISES)

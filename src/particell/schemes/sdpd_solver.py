@@ -239,6 +239,7 @@ class SDPDSolver:
             head=head,
             several=int(self.fluids.sum()) > 1,
             parted=self.parted,
+            more=tuple(scheme.more),
         )
 
     @staticmethod

@@ -19,6 +19,7 @@ from particell.compute.neighbours import NeighbourList
 from particell.errors import InputError
 from particell.geometry.domain import Domain
 from particell.kernels import kernel_code
+from particell.laws.law import Law
 from particell.laws.transport_velocity import FORMS
 from particell.materials import Fluid
 from particell.particles import Particles
@@ -88,6 +89,8 @@ class TransportVelocity:
         Let the shift carry species between particles (:mod:`particell.laws.species_flux`; molecules
         as in :mod:`particell.chemistry.crossings`); otherwise they ride with them. Not for species
         that switch between molecules and amounts.
+    more
+        Laws of one's own (:class:`particell.laws.law.Law`) that act besides the scheme's.
     gravity, reference_speed, pressure_drop, skin
         As for :class:`~particell.schemes.sdpd.SDPD`.
 
@@ -114,6 +117,7 @@ class TransportVelocity:
     reference_speed: float = 0.0
     pressure_drop: float = 0.0
     skin: float = 0.15
+    more: tuple[Law, ...] = ()
 
     # what it has in common with SDPD, whose loops it uses
     density: ClassVar[str] = "continuity"

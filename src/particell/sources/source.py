@@ -13,6 +13,7 @@ from functools import cached_property
 from typing import Any
 
 from particell.compute.expressions import Node, Number, Vector, call, early, sqrt, symbol
+from particell.errors import unknown_name
 from particell.kernels import power, shape_f, shape_w
 from particell.laws.fluctuations import pair_numbers
 
@@ -57,8 +58,7 @@ class Names:
             if self.tables[name]:
                 return symbol("table", name, side.side)
             return symbol("number", name)
-        known = sorted({*self.fields, *self.tables, *self.derived})
-        raise AttributeError(f"particles have no '{name}'; there are {', '.join(known)}")
+        raise unknown_name("what a law reads", name, {*self.fields, *self.tables, *self.derived})
 
 
 class Side:
@@ -176,13 +176,13 @@ class Pair:
         return symbol("number", "alpha") * call(power, (self._inverse, self.dim))
 
     @cached_property
-    def F(self) -> Number:
+    def F(self) -> Number:  # noqa: N802 - the field's symbol
         """See the class."""
         shape = call(shape_f, (self.r * self._inverse, self.kernel))
         return (self._scale * self._inverse * self._inverse) * shape
 
     @cached_property
-    def W(self) -> Number:
+    def W(self) -> Number:  # noqa: N802
         """See the class."""
         return self._scale * call(shape_w, (self.r * self._inverse, self.kernel))
 
@@ -192,7 +192,7 @@ class Pair:
         return self.j.volume * self.F
 
     def noise(self, gaussian: bool) -> Vector:
-        """D numbers of zero mean and unit variance, ξ_ij = −ξ_ji; of the pair's ids and the step."""
+        """D numbers of zero mean and unit variance, ξ_ij = −ξ_ji, by ids and step."""
         numbers = [symbol("number", name) for name in ("step", "key0", "key1")]
         args = (self.i.id, self.j.id, *numbers, gaussian, self.dim)
         return Vector.of("noise", call(pair_numbers, args, 3)[: self.dim])

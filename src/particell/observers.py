@@ -22,7 +22,7 @@ from tqdm import tqdm
 from particell.averages import RunningAverage, TimeAverage, check_averages
 from particell.checks import checked, not_negative, positive
 from particell.compute import neighbours
-from particell.compute.cache import cache_directory
+from particell.compute.cache import compiled_before
 from particell.errors import HealthWarning, InputError, Interrupted, RunError, unknown_name
 from particell.health import beyond
 from particell.output.checkpoint import write_checkpoint
@@ -226,8 +226,8 @@ def run_with_observers(
             "next": simulation.step + per_frame,
         }
     directory = None if out is None else _claim(Path(out), resumed or overwrite, resumed)
-    if progress and not cache_directory(Path(neighbours.__file__)).exists():
-        tqdm.write("compiling the loops (only the first time; about half a minute)", sys.stderr)
+    if progress and not compiled_before(Path(neighbours.__file__)):
+        tqdm.write("compiling the loops (only the first time; up to a minute)", sys.stderr)
     simulation.start()
     running = _running(simulation, averages, resumed)
     recorder = Recorder(simulation, directory, resumed, running)

@@ -8,6 +8,7 @@ import time as clock
 from collections.abc import Iterator
 
 import numpy as np
+from tqdm import tqdm
 
 from particell.casefile.case import FileCase
 from particell.casefile.scope import BYTES_A_PARTICLE
@@ -74,6 +75,7 @@ def report(case: Case, timing: bool = True, threads: int | None = None) -> Itera
     for finding in beyond(foresee(simulation)):
         yield f"{UNHEALTHY} {finding.line}"
     if timing:
+        tqdm.write("timing a few steps (new loops are compiled first: up to a minute)", sys.stderr)
         yield f"time:      about {_duration(steps * seconds_a_step(simulation, steps))}"
 
 

@@ -145,8 +145,8 @@ class Watch:
                     "scatter of velocities over the largest speed",
                     scatter,
                     SCATTER,
-                    "neighbours do not move together, the flow is torn: use a spacing below 10 ν/U, "
-                    f"or {self._even()}",
+                    "neighbours do not move together, the flow is torn: use a spacing below 10 "
+                    f"ν/U, or {self._even()}",
                 )
             slip = self._slip()
             if slip is not None:

@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from particell.casefile.formula import is_formula
 from particell.casefile.ratelaw import law_of
-from particell.casefile.scope import Scope
+from particell.casefile.scope import Scope, known
 from particell.casefile.table import ByGroup, Name, Profile, Table, describes
 from particell.chemistry.reactions import Reaction, parse_reaction
 from particell.chemistry.species import Species
@@ -77,7 +77,8 @@ class ReactionTable(Table):
             law = law_of("rate_law", self.rate_law, scope, whole)
             values["propensity" if whole else "rate_law"] = law
         reaction = Reaction(**values)
-        scope.known_species(f"reaction '{reaction.label}'", reaction.names)
+        for name in reaction.names:
+            known("species", name, scope.species)
         return reaction
 
     def _names(self) -> list[str]:

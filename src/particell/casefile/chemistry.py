@@ -33,9 +33,9 @@ class SpeciesTable(Table):
 
     def build(self, scope: Scope) -> Species:
         """The species."""
-        scope.known_group(f"only_in of {self.name}", self.only_in)
+        scope.known_group("only_in", self.only_in)
         if isinstance(self.diffusivity, Mapping):
-            scope.known_group(f"diffusivity of {self.name}", tuple(self.diffusivity))
+            scope.known_group("diffusivity", tuple(self.diffusivity))
         return Species(**self.given())
 
 
@@ -68,9 +68,9 @@ class ReactionTable(Table):
     def build(self, scope: Scope, species: Mapping[str, Species]) -> Reaction:
         """The reaction."""
         scope.known_group("only_in", self.only_in)
-        for rate in (self.forward, self.backward):
+        for key, rate in (("forward", self.forward), ("backward", self.backward)):
             if isinstance(rate, Mapping):
-                scope.known_group("a rate", tuple(rate))
+                scope.known_group(key, tuple(rate))
         values = self.given("rate_law")
         if self.rate_law is not None:
             whole = all(species[n].molecules for n in self._names() if n in species)
@@ -129,8 +129,9 @@ class InitialTable(Table):
 
     def apply(self, scope: Scope, simulation: Simulation) -> None:
         """Set it."""
-        scope.known_species("initial", [self.species])
-        scope.known_group("initial", self.group)
+        known("species", self.species, scope.species)
+        if self.group is not None:
+            known("group", self.group, scope.phases)
         chemistry = simulation.chemistry
         assert chemistry is not None
         if self.count is not None:

@@ -190,7 +190,7 @@ class SDPDSolver:
             self.constants["wall_friction"] = device.zeros((1, 1))
         self.spreads = self.held != FREE and scheme.fluctuations and not self.trapezoidal
         if self.spreads:
-            particles.add("velocity_spread", dim)
+            particles.add("velocity_spread", dim, part_of="v")
             self._spread_key = stream_key(seed, VELOCITY_SPREAD)
         self.constants |= self.rest.fields
         self.constants |= batch_fields(

@@ -125,7 +125,10 @@ def with_noise(speed: float, phases: Sequence[Phase], scheme: Scheme, depth_fact
 def flow_limits(
     support: float, materials: Sequence[Fluid], scheme: Scheme, speed: float, dim: int
 ) -> list[StepLimits]:
-    """The limits of the time step for each material, at the smallest support in m."""
+    """The limits of the time step for each material, at the smallest support in m.
+
+    The materials are those that particles are given (:mod:`particell.schemes.summation`).
+    """
     assert not isinstance(scheme, Static)
     gravity = float(np.linalg.norm(scheme.gravity or 0.0))
     return [

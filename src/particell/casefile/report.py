@@ -113,7 +113,7 @@ def _limits(simulation: Simulation) -> dict[str, float]:
     h = float(simulation.particles.host("support").min())
     limits: dict[str, float] = {}
     dim = simulation.domain.dim
-    for found in flow_limits(h, simulation.materials, scheme, simulation._speed, dim):
+    for found in flow_limits(h, simulation.given_materials, scheme, simulation._speed, dim):
         limits[found.reason] = min(found.smallest, limits.get(found.reason, math.inf))
     return limits
 

@@ -84,7 +84,9 @@ class SDPDSolver:
         dim = self.dim
         by_group = [materials[g.material] for g in particles.groups]
         discrete = discrete_fluids(scheme, particles, by_group, depth_factor)
-        friction = [self.friction(d.material, dim) for d in discrete]
+        #: what particles of each group are given: what limits the step
+        self.given = [d.material for d in discrete]
+        friction = [self.friction(m, dim) for m in self.given]
         gravity = np.zeros(dim) if scheme.gravity is None else np.array(scheme.gravity, dtype=float)
         if gravity.shape != (dim,):
             raise InputError("gravity", scheme.gravity, f"{dim} numbers")
@@ -129,7 +131,7 @@ class SDPDSolver:
         equations = [
             (m.density, m.sound_speed, m.exponent, m.background_pressure) for m in by_group
         ]
-        sound_speeds = np.array([d.material.sound_speed for d in discrete], dtype=float)
+        sound_speeds = np.array([m.sound_speed for m in self.given], dtype=float)
         self.constants = {
             "alpha": normalisation(code, dim),
             "transverse": array(np.array([f[0] for f in friction])),

@@ -7,7 +7,8 @@ r"""Time step and sound speed by rule.
 
 with h the support and λ_max the largest eigenvalue of the friction between fluid particles on a
 lattice (:mod:`particell.schemes.friction_limit`), which is taken explicitly and stable below
-2/λ_max: 0.10 h²/ν with Lucy's kernel (0.077 with the radial friction in 3D). Friction with walls is
+2/λ_max: 0.10 h²/ν with Lucy's kernel (0.077 with the radial friction in 3D). With noise c_0 and η
+are those that particles are given (:mod:`particell.schemes.summation`). Friction with walls is
 implicit (:mod:`particell.boundaries.wall_friction`) and limits nothing.
 """
 

@@ -211,12 +211,16 @@ class Simulation:
 
     @property
     def given_materials(self) -> list[Fluid]:
-        """What particles are given so that their fluid is the one asked for, by group.
+        """What particles of fluids are given so that these are the ones asked for, by group.
 
         With noise that is another sound speed and another viscosity
         (:mod:`particell.schemes.summation`): they limit the time step.
         """
-        return getattr(self.solver, "given", self.materials)
+        given = getattr(self.solver, "given", None)
+        if given is None:
+            return self.materials
+        groups = zip(given, self.particles.groups, strict=True)
+        return [m for m, g in groups if g.kind == "fluid"] or given
 
     def _diffusive_limit(self) -> float:
         """Largest step in s of the diffusion of concentrations, which is explicit."""

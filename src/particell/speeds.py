@@ -131,6 +131,7 @@ def flow_limits(
     """
     assert not isinstance(scheme, Static)
     gravity = float(np.linalg.norm(scheme.gravity or 0.0))
+    stiffness = max(m.density * (m.sound_speed or 1.0) ** 2 for m in materials)
     return [
         step_limits(
             support,
@@ -140,6 +141,7 @@ def flow_limits(
             gravity,
             scheme.viscous_factor,
             friction,
+            math.sqrt(stiffness / m.density),
         )
         for m, friction in zip(
             materials, largest_frictions(support, materials, scheme, dim), strict=True

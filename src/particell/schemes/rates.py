@@ -213,6 +213,7 @@ def rates(
     NORMAL,
     UNKNOWN,
     PARABOLIC,
+    CONTRAST,
 ):
     """Density rate (kg/m³/s) and acceleration (m/s²) of particle i.
 
@@ -227,7 +228,8 @@ def rates(
     and k_B T where they differ, the neighbour's id, the pair's mean kernel sum. With ``PARABOLIC``
     friction beside walls is exact for quadratic profiles, ``near_bend`` being the pair's part of C
     in :mod:`particell.boundaries.wall`. With ``NORMAL``
-    friction is divided by that; with ``UNKNOWN`` some walls have no known surface. The
+    friction is divided by that; with ``CONTRAST`` there are fluids of several reference densities
+    (:mod:`particell.laws.pressure`); with ``UNKNOWN`` some walls have no known surface. The
     friction with walls is :mod:`particell.boundaries.wall_friction`'s Γ too, in ``wall_friction``.
     """
     if is_wall[i]:
@@ -255,6 +257,8 @@ def rates(
     volume_i = record[own + np.uint64(MATTER + 1)]
     inverse_mass = 1.0 / record[own + np.uint64(MATTER + 2)]
     term_i = record[own + np.uint64(MATTER + 3)]
+    if CONTRAST:
+        term_i *= reference[g] * reference[g]
     inverse_density = volume_i * inverse_mass
     transverse_ij = transverse[g]
     radial_ij = radial[g]
@@ -338,6 +342,10 @@ def rates(
                 near_support[c] = h
                 reach2 = h * h
             gj = group[j]
+            if CONTRAST and FORCE:
+                ours, its = reference[g], reference[gj]
+                near_matter[to + v_at + np.uint64(1)] *= 1.0 / (ours * its)
+                near_matter[to + v_at + np.uint64(2)] *= its * its
             if PARTED and DELTA and DENSITY and equation[gj] != equation[g]:
                 near_matter[to] = density_i  # between two fluids density jumps
             if WALLS:

@@ -170,6 +170,7 @@ class SDPDSolver:
             if np.any(gravity[~np.array(domain.periodic)])
             else 0,  # 2 with forces besides
             "PARTED": len(set(equations)) > 1,
+            "CONTRAST": len({m.density for m in by_group}) > 1,
             "LEAD": not (scheme.fluctuations or self.trapezoidal),
             "NOISE": scheme.fluctuations,
             "GAUSSIAN": scheme.noise == "gaussian",
@@ -260,7 +261,8 @@ class SDPDSolver:
         self._pack = bind(pack, fields, **record, LEAD=o["LEAD"], HELD=self.held)
         self._forces = bind(rates, fields, **o, DENSITY=False, FORCE=True)
         self._all_rates = bind(rates, fields, **o, DENSITY=continuity, FORCE=True)
-        self.sum_density = bind(summed_density, fields, **small)
+        contrast = {"CONTRAST": o["CONTRAST"]}
+        self.sum_density = bind(summed_density, fields, **small, **contrast)
         moving = "wall_acceleration" in self.particles
         self.wall_pressure = bind(wall_pressure, fields, **dim, KERNEL=o["KERNEL"], MOVING=moving)
         if o["NORMAL"]:

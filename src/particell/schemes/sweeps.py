@@ -26,15 +26,18 @@ def summed_density(
     alpha,
     group,
     density_sum,
+    reference,
     density,
     *,
     DIM,
     KERNEL,
     UNIFORM,
+    CONTRAST,
 ):
     """ρ_i = Σ_j m_j W_ij/s over all neighbours, particle i itself included; walls keep theirs.
 
-    s is ``density_sum`` of the particle's group (:mod:`particell.schemes.summation`).
+    s is ``density_sum`` of the particle's group (:mod:`particell.schemes.summation`). With
+    ``CONTRAST`` fluids of several ``reference`` densities ρ₀ meet, and m_j is (ρ₀_i/ρ₀_j) m_j.
     """
     if is_wall[i]:
         return
@@ -50,11 +53,14 @@ def summed_density(
             s = image_offset(x, i, j, d, wraps, period, inverse_period)
             r2 += s * s
         r = math.sqrt(r2)
+        its = mass[j]
+        if CONTRAST:
+            its *= reference[group[i]] / reference[group[j]]
         if UNIFORM:
-            total += mass[j] * scale * shape_w(r * inverse_h, KERNEL)
+            total += its * scale * shape_w(r * inverse_h, KERNEL)
         else:
             h = 0.5 * (hi + support[j])
-            total += mass[j] * alpha / power(h, DIM) * shape_w(r / h, KERNEL)
+            total += its * alpha / power(h, DIM) * shape_w(r / h, KERNEL)
     density[i] = total / density_sum[group[i]]
 
 

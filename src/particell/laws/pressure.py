@@ -11,7 +11,8 @@ Where fluids of several reference densities :math:`\rho_0` meet, masses and dens
 units of their own fluid's,
 
 .. math:: m_i a_i = \sum_j V^0_i V^0_j
-          \left(\frac{P_i}{\varrho_i^2} + \frac{P_j}{\varrho_j^2}\right) F_{ij}\, x_{ij}, \qquad V^0 = \frac m{\rho_0}, \quad \varrho = \frac\rho{\rho_0},
+          \left(\frac{P_i}{\varrho_i^2} + \frac{P_j}{\varrho_j^2}\right) F_{ij}\, x_{ij},
+          \qquad V^0 = \frac m{\rho_0}, \quad \varrho = \frac\rho{\rho_0},
 
 which is the same with one fluid, and derives from the internal energy with
 :math:`\varrho_i = \frac1s\sum_j V^0_j W_{ij}`. With masses and densities themselves a uniform

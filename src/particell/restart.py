@@ -96,7 +96,7 @@ def restore(simulation: Simulation, state: dict[str, Any]) -> None:
     if state.get("kept_volume") is not None:
         s.solver.kept_volume.put(state["kept_volume"])  # type: ignore[union-attr]
     if state.get("rest") is not None:
-        s.solver.rest.put(state["rest"])  # type: ignore[union-attr]
+        s.solver.rest.restore(state["rest"])  # type: ignore[union-attr]
     s.solver.restore()
     s.constraints.restored()
     s.resumed, s.resumed_plan = True, state.get("plan")

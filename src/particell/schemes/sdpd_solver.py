@@ -90,7 +90,8 @@ class SDPDSolver:
         gravity = np.zeros(dim) if scheme.gravity is None else np.array(scheme.gravity, dtype=float)
         if gravity.shape != (dim,):
             raise InputError("gravity", scheme.gravity, f"{dim} numbers")
-        self.rest = RestPressure(device, domain, particles, gravity)
+        contrast = len({m.density for m in by_group}) > 1
+        self.rest = RestPressure(device, domain, particles, gravity, contrast)
         self.thermal = np.zeros(len(by_group))
         if scheme.fluctuations:
             for k, material in enumerate(by_group):
@@ -170,7 +171,7 @@ class SDPDSolver:
             if np.any(gravity[~np.array(domain.periodic)])
             else 0,  # 2 with forces besides
             "PARTED": len(set(equations)) > 1,
-            "CONTRAST": len({m.density for m in by_group}) > 1,
+            "CONTRAST": contrast,
             "LEAD": not (scheme.fluctuations or self.trapezoidal),
             "NOISE": scheme.fluctuations,
             "GAUSSIAN": scheme.noise == "gaussian",
@@ -393,6 +394,7 @@ class SDPDSolver:
         p = self.particles
         if self.neighbours.needs_build(p["x"], p["transport" if self.shifting else "v"], dt):
             self.build_list()
+            self.rest.follow()
 
     def _thermodynamics(self, dt: float) -> None:
         """Density after dt (or summed), pressure and volume; then the pressure of walls."""

@@ -130,7 +130,7 @@ def height_of_the_heavy(simulation):
 def test_a_heavy_fluid_above_a_light_one_falls_and_comes_to_rest(scheme):
     """Energy never increases by more than 1 % of what the fall has to give, from frame to frame.
 
-    With masses in the pressure's force SDPD tore it apart within a passage of sound or two.
+    With masses in the pressure's force SDPD tore it apart within ten passages of sound.
     """
     simulation = layers(scheme, heavy_above=True, amplitude=2.0)
     simulation.start()

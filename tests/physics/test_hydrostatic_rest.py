@@ -133,7 +133,7 @@ def test_a_free_surface_keeps_the_whole_pressure(scheme):
 
 @SCHEMES
 def test_a_restart_under_gravity_gives_the_same_bits(scheme):
-    """What is taken out of the pressure is that of the last list, not of the restart."""
+    """What is taken out of the pressure is that of the run's start, not of its restart."""
 
     def start():
         return column(scheme, (8, 8), (0.0, -1 / 8), 0.2, concentration=lambda x: 2 - x[:, 1] / 4)

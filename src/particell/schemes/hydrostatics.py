@@ -63,11 +63,12 @@ class RestPressure:
         }
 
     def follow(self) -> None:
-        """Tabulate anew, where what is at s may have become another fluid or have another weight.
+        """Tabulate anew, where what is at s may have become another fluid.
 
-        With one fluid under gravity alone the table stays that of the start.
+        With fluids of one density the table stays that of the start, also with buoyancy: what that
+        weighs is small, and convection is no nearer to its references with a table that follows.
         """
-        if self._enclosed and (self._contrast or "buoyancy" in self.particles):
+        if self._enclosed and self._contrast:
             self.tabulate()
 
     def tabulate(self) -> None:

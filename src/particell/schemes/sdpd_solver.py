@@ -237,10 +237,12 @@ class SDPDSolver:
 
     @staticmethod
     def _keeps_volume(scheme: Any) -> bool | None:
-        """See :class:`.KeptVolume`: a sum over neighbours needs no help, noise is left alone."""
-        if scheme.shifting > 0:
-            return True
-        return False if scheme.density == "summation" or scheme.fluctuations else None
+        """See :class:`.KeptVolume`; without shifting what keeps particles apart is their pressure.
+
+        It comes from a mean density that has climbed a little: were that taken away, half of the
+        fluid would be under tension, and clump.
+        """
+        return bool(scheme.shifting > 0)
 
     def _bind_loops(self) -> None:
         fields = {**self.constants, **self.neighbours.fields, **self.particles.fields}

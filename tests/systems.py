@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from scipy import stats
 
 from particell.geometry.domain import Domain
 from particell.geometry.fill import lattice
@@ -160,6 +161,15 @@ def random_places(random, number: int, domain: Domain, apart: float) -> np.ndarr
 def fluid_rows(simulation: Simulation) -> np.ndarray:
     """Mask, in memory order, of the particles that are no walls."""
     return simulation.particles.host("is_wall") == 0
+
+
+def standard_errors(comparisons: int, blocks: int) -> float:
+    """How many standard errors, each taken from that many independent blocks, a mean may be off.
+
+    By Student's law, so that the false-alarm rate of all comparisons together is 1e-6: few blocks
+    know their own standard error badly.
+    """
+    return float(stats.t.isf(0.5e-6 / comparisons, blocks - 1))
 
 
 def same_bits(one: Simulation, two: Simulation) -> list[str]:

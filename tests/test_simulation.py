@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import signal
+
 import numpy as np
 import pytest
 
@@ -8,7 +10,7 @@ from particell.boundaries.sponge import Sponge
 from particell.chemistry.reactions import Reaction
 from particell.chemistry.species import Species
 from particell.compute.threads import set_threads
-from particell.errors import InputError, RunError
+from particell.errors import InputError, Interrupted, RunError
 from particell.geometry.domain import Domain
 from particell.geometry.shapes import HalfSpace
 from particell.output.checkpoint import read_checkpoint, write_checkpoint
@@ -228,3 +230,23 @@ def test_a_second_run_has_frames_of_its_own():
     simulation.run(until=0.1, progress=False)
     run = simulation.run(until=0.3, progress=False)
     assert run.times == pytest.approx(np.linspace(0.1, 0.3, 11))
+
+
+def test_a_wish_to_stop_while_it_starts_is_kept(tmp_path, monkeypatch):
+    """What is raised while loops are compiled may be lost: the run ends before its first step."""
+    simulation, start = periodic_lattice(8, 2, dt=0.01), Simulation.start
+
+    def asked_meanwhile(self):
+        monkeypatch.undo()
+        signal.raise_signal(signal.SIGINT)
+        start(self)
+
+    monkeypatch.setattr(Simulation, "start", asked_meanwhile)
+    with pytest.raises(Interrupted):
+        simulation.run(until=0.1, out=tmp_path, progress=False)
+    assert simulation.step == 0
+    resumed, whole = (periodic_lattice(8, 2, dt=0.01) for _ in range(2))
+    resumed.restore(read_checkpoint(tmp_path / "checkpoint.h5")[0])
+    run = resumed.run(until=0.1, out=tmp_path, progress=False)
+    assert np.array_equal(run.times, whole.run(until=0.1, progress=False).times)
+    assert not same_bits(resumed, whole)

@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, NoReturn, Protocol
 
 import numpy as np
 from tqdm import tqdm
@@ -22,7 +22,7 @@ from tqdm import tqdm
 from particell.averages import RunningAverage, TimeAverage, check_averages
 from particell.checks import checked, not_negative, positive
 from particell.compute import neighbours
-from particell.compute.cache import cache_directory
+from particell.compute.cache import compiled_before
 from particell.errors import HealthWarning, InputError, Interrupted, RunError, unknown_name
 from particell.health import beyond
 from particell.output.checkpoint import write_checkpoint
@@ -226,17 +226,19 @@ def run_with_observers(
             "next": simulation.step + per_frame,
         }
     directory = None if out is None else _claim(Path(out), resumed or overwrite, resumed)
-    if progress and not cache_directory(Path(neighbours.__file__)).exists():
-        tqdm.write("compiling the loops (only the first time; about half a minute)", sys.stderr)
-    simulation.start()
-    running = _running(simulation, averages, resumed)
-    recorder = Recorder(simulation, directory, resumed, running)
-    if not resumed:
-        for average in running:
-            average.sample()
-        recorder.record()
-        recorder.checkpoint(plan)
-    _loop(simulation, recorder, plan, progress, checkpoint_every, stop)
+    if progress and not compiled_before(Path(neighbours.__file__)):
+        tqdm.write("compiling the loops (only the first time; up to a minute)", sys.stderr)
+    # from here on: what is raised while loops are compiled may be lost
+    with stop_requests() as asked:
+        simulation.start()
+        running = _running(simulation, averages, resumed)
+        recorder = Recorder(simulation, directory, resumed, running)
+        if not resumed:
+            for average in running:
+                average.sample()
+            recorder.record()
+            recorder.checkpoint(plan)
+        _loop(simulation, recorder, plan, progress, checkpoint_every, stop, asked)
     run = recorder.finish()
     run.health = simulation.health()
     for finding in beyond(run.health):
@@ -297,6 +299,14 @@ def _plan_again(simulation: Simulation, plan: dict) -> None:
         plan["last"] = simulation.step + frames * plan["per_frame"]
 
 
+def _interrupt(simulation: Simulation, recorder: Recorder, plan: dict) -> NoReturn:
+    """Write a checkpoint and say that the run was stopped."""
+    recorder.checkpoint(plan)
+    recorder.close()
+    where = str(recorder.directory) if recorder.directory else None
+    raise Interrupted(where, step=simulation.step, time=simulation.time)
+
+
 def _loop(
     simulation: Simulation,
     recorder: Recorder,
@@ -304,7 +314,10 @@ def _loop(
     progress: bool,
     checkpoint_every: float,
     stop: Stop | None,
+    asked: list[bool],
 ) -> None:
+    if asked[0]:
+        _interrupt(simulation, recorder, plan)
     saved = clock.monotonic()
     bar = tqdm(
         total=plan["last"],
@@ -314,7 +327,7 @@ def _loop(
         desc=f"{len(simulation.particles)} particles",
         mininterval=0.5,
     )
-    with stop_requests() as asked, bar:
+    with bar:
         try:
             while simulation.step < plan["last"]:
                 to_frame = plan["next"] - simulation.step
@@ -336,10 +349,7 @@ def _loop(
                         _plan_again(simulation, plan)
                         bar.total = plan["last"]
                 if asked[0]:
-                    recorder.checkpoint(plan)
-                    recorder.close()
-                    where = str(recorder.directory) if recorder.directory else None
-                    raise Interrupted(where, step=simulation.step, time=simulation.time)
+                    _interrupt(simulation, recorder, plan)
                 if clock.monotonic() - saved > checkpoint_every:
                     recorder.checkpoint(plan)
                     saved = clock.monotonic()

@@ -65,6 +65,7 @@ class Particles:
     def __init__(self, device: Device, n: int, dim: int, groups: list[Group]):
         self.device, self.n, self.dim, self.groups = device, n, dim, groups
         self.fields: dict[str, object] = {}
+        self._parts: dict[str, str] = {}
         self._scratch: dict[tuple, object] = {}
         self._order = device.zeros(n, np.int64)
         self.add("id", dtype=np.int64, values=np.arange(n))
@@ -77,10 +78,16 @@ class Particles:
         for name in ("mass", "density", "pressure", "support"):
             self.add(name)
 
-    def add(self, name: str, components: int = 0, dtype=None, values=None) -> None:
-        """Add a field of shape (n,) or, with components, (n, components)."""
+    def add(self, name: str, components: int = 0, dtype=None, values=None, part_of="") -> None:
+        """Add a field of shape (n,) or, with components, (n, components).
+
+        With ``part_of`` it tells which part of another field is taken away before the next step:
+        none where that field is :meth:`set`.
+        """
         if name in self.fields:
             raise ValueError(f"field '{name}' exists already")
+        if part_of:
+            self._parts[name] = part_of
         shape = (self.n, components) if components else (self.n,)
         kind = np.dtype(dtype) if dtype else self.device.real
         host = np.zeros(shape, kind)
@@ -142,10 +149,15 @@ class Particles:
         return ordered
 
     def set(self, name: str, values: np.ndarray, by_id: bool = False) -> None:
-        """Overwrite a field, given in memory order or, with ``by_id``, in the order of ids."""
+        """Overwrite a field, given in memory order or, with ``by_id``, in the order of ids.
+
+        Velocities go on as they are given, also beside walls with thermal noise.
+        """
         host = np.empty(self[name].shape, self[name].dtype)
         host[...] = values
         self.device.write(self[name], host[self.view("id")] if by_id else host)
+        for part in [p for p, whole in self._parts.items() if whole == name]:
+            self.set(part, np.zeros(()))
 
     def select(self, group: str, by_id: bool = False) -> np.ndarray:
         """Boolean mask (n,) of a group's particles, in memory order or that of their ids."""

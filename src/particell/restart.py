@@ -77,8 +77,8 @@ def restore(simulation: Simulation, state: dict[str, Any]) -> None:
     for part, text in state.get("description", now).items():
         if now.get(part) != text:
             raise InputError(f"{part} of the checkpoint", text, f"as now: {now.get(part)}")
-    for name, values in fields.items():
-        s.particles.set(name, values)
+    for name in s.particles:  # what is a part of another field comes after that one
+        s.particles.set(name, fields[name])
     s.neighbours.restore(state["capacity"], state["builds"], state["list"])
     for name in _COUNTERS:
         setattr(s, name, state[name])
@@ -96,7 +96,7 @@ def restore(simulation: Simulation, state: dict[str, Any]) -> None:
     if state.get("kept_volume") is not None:
         s.solver.kept_volume.put(state["kept_volume"])  # type: ignore[union-attr]
     if state.get("rest") is not None:
-        s.solver.rest.put(state["rest"])  # type: ignore[union-attr]
+        s.solver.rest.restore(state["rest"])  # type: ignore[union-attr]
     s.solver.restore()
     s.constraints.restored()
     s.resumed, s.resumed_plan = True, state.get("plan")

@@ -32,6 +32,7 @@ from particell.compute.philox import stream_key
 from particell.errors import InputError, RunError
 from particell.geometry.domain import Domain
 from particell.laws.buoyancy import Buoyancy
+from particell.materials import Fluid
 from particell.motion import Constraints, Forces, Monitor
 from particell.phases import Phase
 from particell.restart import restore, state_of
@@ -185,7 +186,7 @@ class Simulation:
         self.dt = self.largest_step() if self.automatic else float(dt)
         if not self.automatic:
             h = float(self.particles.host("support").min())
-            check_given_step(self.dt, h, self.materials, scheme, dim)
+            check_given_step(self.dt, h, self.given_materials, scheme, dim)
         self.resumed, self.resumed_plan = False, None
         self.resumed_averages: dict[str, np.ndarray] = {}
         self._started = False
@@ -204,9 +205,22 @@ class Simulation:
             limits = self.chemistry.limits() if self.chemistry else {}
             return min(limits.values(), default=1.0)
         h = float(self.particles.host("support").min())
-        flow = flow_limits(h, self.materials, self.scheme, speed, self.domain.dim)
+        flow = flow_limits(h, self.given_materials, self.scheme, speed, self.domain.dim)
         steps = [found.smallest for found in flow]
         return min(*steps, self._diffusive_limit())
+
+    @property
+    def given_materials(self) -> list[Fluid]:
+        """What particles of fluids are given so that these are the ones asked for, by group.
+
+        With noise that is another sound speed and another viscosity
+        (:mod:`particell.schemes.summation`): they limit the time step.
+        """
+        given = getattr(self.solver, "given", None)
+        if given is None:
+            return self.materials
+        groups = zip(given, self.particles.groups, strict=True)
+        return [m for m, g in groups if g.kind == "fluid"] or given
 
     def _diffusive_limit(self) -> float:
         """Largest step in s of the diffusion of concentrations, which is explicit."""

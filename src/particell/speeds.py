@@ -125,9 +125,13 @@ def with_noise(speed: float, phases: Sequence[Phase], scheme: Scheme, depth_fact
 def flow_limits(
     support: float, materials: Sequence[Fluid], scheme: Scheme, speed: float, dim: int
 ) -> list[StepLimits]:
-    """The limits of the time step for each material, at the smallest support in m."""
+    """The limits of the time step for each material, at the smallest support in m.
+
+    The materials are those that particles are given (:mod:`particell.schemes.summation`).
+    """
     assert not isinstance(scheme, Static)
     gravity = float(np.linalg.norm(scheme.gravity or 0.0))
+    stiffness = max(m.density * (m.sound_speed or 1.0) ** 2 for m in materials)
     return [
         step_limits(
             support,
@@ -137,6 +141,7 @@ def flow_limits(
             gravity,
             scheme.viscous_factor,
             friction,
+            math.sqrt(stiffness / m.density),
         )
         for m, friction in zip(
             materials, largest_frictions(support, materials, scheme, dim), strict=True

@@ -38,8 +38,8 @@ def test_masses():
 
 
 def test_diffusivities():
-    refused("diffusivity of dye", "finite number >= 0", species__1__diffusivity=-1)
-    refused("diffusivity of dye in fluid", species__1__diffusivity={"fluid": -1})
+    refused("diffusivity in species 'dye'", "finite number >= 0", species__1__diffusivity=-1)
+    refused("diffusivity in fluid in species 'dye'", species__1__diffusivity={"fluid": -1})
 
 
 def test_empty_domain():
@@ -90,6 +90,26 @@ def test_unknown_names():
     refused("without themselves", phases=[_packed(["fluid"]), *small()["phases"][1:]])
     refused("shape in shapes.a", "upper_half", shapes__a={"type": "complement", "of": "half"})
     refused("without themselves", shapes__a={"type": "complement", "of": "a"})
+
+
+def test_an_item_is_named_once():
+    """By its place in the file, and not again by the class that refuses it."""
+
+    def refuses(begin: str, **settings) -> None:
+        with pytest.raises(InputError) as error:
+            case(**settings).build(Context())
+        assert str(error.value).startswith(f"{begin} is not allowed: it must be"), error.value
+
+    place = "reactions 'dye -> dye_bound'"
+    plain = {"equation": "dye -> dye_bound", "forward": 1.0}
+    refuses("species in reactions 'dye -> x' = 'x'", reactions=[{**plain, "equation": "dye -> x"}])
+    refuses("reactions = 'dye <- x'", reactions__1__equation="dye <- x")
+    refuses(f"forward rate in {place} = -1.0", reactions=[{**plain, "forward": -1}])
+    refuses(f"units in {place} = 'mol'", reactions=[{**plain, "units": "mol"}])
+    refuses(f"group in forward in {place} = 'x'", reactions=[{**plain, "forward": {"x": 1}}])
+    refuses("diffusivity in species 'dye' = -1.0", species__1__diffusivity=-1)
+    refuses("diffusivity in fluid in species 'dye' = -1.0", species__1__diffusivity={"fluid": -1})
+    refuses("species in initial #1 = 'dy'", initial__1__species="dy")
 
 
 def _buoyancy(name: str) -> dict:

@@ -8,11 +8,14 @@ import pytest
 from scipy import stats
 from scipy.linalg import expm
 
+from particell.chemistry.engine import MOST_PARTS, PART_OF_LIMIT
 from particell.chemistry.reactions import Reaction
+from particell.chemistry.reservoirs import Reservoir
 from particell.chemistry.species import Species
 from particell.compute.threads import set_threads
 from particell.errors import InputError
 from particell.materials import AVOGADRO
+from particell.particles import Group
 
 # false-alarm rate of each comparison: 5.5 sigma, 4e-8
 SIGMAS = 5.5
@@ -184,9 +187,33 @@ def test_same_bits_for_any_number_of_threads(lattice):
 
 def test_steps_that_would_be_divided_too_often_are_refused(lattice):
     species = [Species("C", 1e-10), Species("M", 1e-10, molecules=True)]
-    chem = lattice().chemistry(species, [Reaction("M + C -> M", 1.0)])
+    chem = lattice().chemistry(species, [Reaction("M + C -> C", 1.0)])
+    limit = min(chem.limits().values())
+    chem.set_concentration("C", 1e3 / limit)
     with pytest.raises(InputError, match="at most"):
-        chem.step(0, 1e4 * min(chem.limits().values()))
+        chem.step(0, 1e4 * limit)
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_first_step_is_divided_by_the_rates_that_there_are(lattice, held):
+    """As the second one is: by what is there, or what a reservoir will bring in the step."""
+    groups = (Group("fluid", "fluid", 0), Group("bath", "fluid", 0))
+    half = lattice(side=8, groups=groups, group_of=lambda x: x[:, 0] < 5e-6)
+    species = [Species("C", 1e-10), Species("M", 1e-10, molecules=True)]
+    walls = [Reservoir("bath", {"C": 3.0})] if held else []
+    found = []
+    for pace in (None, 6.0):  # M meets C at 2 · 3 a second
+        chem = half.chemistry(species, [Reaction("M + C -> C", 2.0)], walls, seed=3)
+        chem.pace = pace or chem.pace
+        if not held:
+            chem.set_concentration("C", 3.0)
+        chem.set_count("M", 5)
+        limit = min(chem.limits().values())
+        chem.step(0, 100 * limit)  # too much for the shortest parts
+        assert MOST_PARTS * PART_OF_LIMIT < 100
+        found.append((chem.count("M"), worth_of(chem), chem.events))
+    for first, other in zip(*found, strict=True):
+        np.testing.assert_array_equal(first, other)
 
 
 def test_splitting_is_lies_where_nothing_couples_or_nothing_diffuses(lattice):

@@ -12,6 +12,7 @@ from particell.chemistry.reactions import Reaction
 from particell.chemistry.reservoirs import FixedValueWall, Reservoir
 from particell.chemistry.species import Species
 from particell.compute.threads import set_threads
+from particell.errors import RunError
 from particell.kernels import LUCY, normalisation, shape_f
 from particell.materials import AVOGADRO
 from particell.particles import Group
@@ -356,3 +357,23 @@ def test_particles_at_rest_need_their_weights_once(lattice, normalise):
     np.testing.assert_allclose(found[0][0], found[1][0], rtol=1e-12)
     assert np.array_equal(found[0][1], found[1][1])
     assert found[0][1].sum() > 0
+
+
+@pytest.mark.parametrize("normalise", [False, True])
+@pytest.mark.parametrize("molecules", [False, True])
+def test_the_particle_that_spoils_the_exchange_is_named(lattice, molecules, normalise):
+    """Not a neighbour whose rate it spoils, and not particle 0 for another species' weights."""
+    groups = (Group("fluid", "fluid", 0), Group("film", "fluid", 0))
+    for field, value, named in (("density", np.nan, "density"), ("density", 0.0, "volume")):
+        film = lattice(side=12, groups=groups, group_of=lambda x: x[:, 0] > 9e-6)
+        species = [
+            Species("A", 1e-10, molecules=molecules, only_in="fluid"),
+            Species("B", 1e-12, molecules=molecules, only_in="film"),
+        ]
+        chem = film.chemistry(species, normalise=normalise)
+        values = chem.particles.host(field)
+        row = int(np.flatnonzero(chem.particles.host("id") == 50)[0])
+        values[row] = value
+        chem.particles.set(field, values)
+        with pytest.raises(RunError, match=f"not finite: field '{named}' of particle 50 "):
+            chem.step(0, 1e-6)

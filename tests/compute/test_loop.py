@@ -11,7 +11,7 @@ from particell.compute import loop as module
 from particell.compute import threads
 from particell.compute.device import Device
 from particell.compute.loop import FASTMATH, particle_loop
-from particell.compute.reduce import Reduction
+from particell.compute.reduce import BLOCK, Reduction, block_maxima
 from particell.compute.threads import Shared, get_threads, kept_threads, set_threads
 from particell.errors import InputError
 
@@ -178,6 +178,16 @@ def test_reductions():
     assert reduction.sum(values) == pytest.approx(values.sum(axis=0), abs=1e-12)
     assert reduction.max(values[:, 0]) == values[:, 0].max()
     assert reduction.sum(np.zeros((0, 2))).tolist() == [0, 0]
+
+
+@pytest.mark.parametrize("place", [0, 5, 299, 599])
+def test_the_largest_of_what_holds_a_nan_is_a_nan(place):
+    """On every backend: it is how non-finite rates are found."""
+    values, partial = np.linspace(-1.0, 1.0, 600), np.zeros((3, 1))
+    values[place] = np.nan
+    block_maxima.specialise("cpu", BLOCK=BLOCK)(3, values, 600, partial)
+    assert np.isnan(partial.max())
+    assert np.isnan(Reduction(Device()).max(values))
 
 
 def test_device_refuses():

@@ -27,6 +27,7 @@ VISCOUS = Viscosity(radial=True)
 FORCES = [
     PressureForce(),
     PressureForce("switched"),
+    PressureForce(contrast=True),
     Viscosity(radial=False),
     VISCOUS,
     Viscosity(radial=True, normalised=True),
@@ -68,6 +69,7 @@ SCALARS = {
     "diffusion": "m/s",
     "equation": "",
     "fluid": "",
+    "reference": "kg/m^2",
 }
 VECTORS = {"x": "m", "v": "m/s", "shift_velocity": "m/s"}
 IDS = [f"{type(law).__name__}{k}" for k, law in enumerate(GALILEAN)]

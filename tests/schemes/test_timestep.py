@@ -7,6 +7,8 @@ import pytest
 
 from particell.errors import InputError, RunError
 from particell.output.checkpoint import read_checkpoint
+from particell.schemes.friction_limit import stiffest
+from particell.schemes.sdpd import SDPD
 from particell.schemes.timestep import sound_speed_by_rule, step_limits
 from systems import UNIT_TEMPERATURE, periodic_lattice, same_bits, unit_fluid
 
@@ -53,12 +55,30 @@ def test_simulations_follow_the_rules():
 def test_noise_is_fast_and_the_trapezoidal_rule_needs_small_steps():
     material = unit_fluid(viscosity=5.0, temperature=UNIT_TEMPERATURE)
     quick = periodic_lattice(10, 2, material, fluctuations=True, density="summation")
-    assert quick.dt == pytest.approx(0.25 * 3 / (10 + 3))  # three thermal speeds of a particle
+    sound = quick.given_materials[0].sound_speed
+    assert sound > 10.2
+    assert quick.dt == pytest.approx(0.25 * 3 / (sound + 3))  # three thermal speeds of a particle
     slow = periodic_lattice(
         10, 2, material, fluctuations=True, integrator="trapezoidal", density="summation"
     )
-    assert slow.dt == pytest.approx(min(quick.dt, 0.005 * 9 / 5))
+    viscosity = slow.given_materials[0].viscosity
+    assert slow.dt == pytest.approx(min(quick.dt, 0.005 * 9 / viscosity))
     assert np.isfinite(slow.dt)
+
+
+def test_what_particles_are_given_limits_the_step():
+    """With noise their friction is not the fluid's: 9 % more with this kernel's short support."""
+    hot = unit_fluid(viscosity=400.0, sound_speed=10.0, temperature=0.1 * UNIT_TEMPERATURE)
+    noise = {"kernel": "wendland-c2", "support": 2.0, "density": "summation", "fluctuations": True}
+    how = ("wendland-c2", 2.0, 2, False)
+    asked = 2.0**2 / stiffest(SDPD.friction(hot, 2), [SDPD.friction(hot, 2)], *how)
+    given = periodic_lattice(8, 2, hot, **noise).given_materials[0]
+    assert 1.08 < given.viscosity / hot.viscosity < 1.11
+    assert periodic_lattice(8, 2, hot, **noise).dt == pytest.approx(
+        min(1.3 * asked * hot.viscosity / given.viscosity, 0.05 * 4 / given.viscosity)
+    )
+    with pytest.raises(InputError, match="viscosity makes the step unstable"):
+        periodic_lattice(8, 2, hot, dt=1.98 * asked, **noise)
 
 
 def test_steps_divide_intervals():

@@ -21,12 +21,13 @@ which is made of two equal kicks :math:`\tfrac12\Delta t\, M a`. It is stable fo
 **With noise** V has the right variance whatever :math:`\Gamma_i` is. The velocity at whole steps,
 the mean of V and V', would be too cold: what walls damp within a step of the thermal velocity is
 missing in the mean, a variance of :math:`(I - M)\,k_BT/m`. It is drawn (:func:`draw_spread`), added
-to v while it is looked at, and taken away before the next step: at whole steps equipartition is
-then exact, whatever the step. For the proof write a step as half a kick of all forces but the
-walls' friction, that friction alone by Cayley's form :math:`M(I - \tfrac12\Delta t\,\Gamma_i)`
-with its noise, and the other half of the kick. In equilibrium the friction between fluid particles
-with its noise, taken explicitly from V, leaves the kick uncorrelated with the velocity after its
-first half, whose covariance is :math:`k_BT/m`; Cayley's form keeps that.
+to v while it is looked at, and taken away before the next step (from velocities that are set
+between steps nothing is taken): at whole steps equipartition is then exact, whatever the step. For
+the proof write a step as half a kick of all forces but the walls' friction, that friction alone by
+Cayley's form :math:`M(I - \tfrac12\Delta t\,\Gamma_i)` with its noise, and the other half of the
+kick. In equilibrium the friction between fluid particles with its noise, taken explicitly from V,
+leaves the kick uncorrelated with the velocity after its first half, whose covariance is
+:math:`k_BT/m`; Cayley's form keeps that.
 
 Splittings of this kind: Leimkuhler & Matthews, Appl. Math. Res. Express 2013, 34.
 """

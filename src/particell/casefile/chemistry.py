@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from particell.casefile.formula import is_formula
 from particell.casefile.ratelaw import law_of
-from particell.casefile.scope import Scope
+from particell.casefile.scope import Scope, known
 from particell.casefile.table import ByGroup, Name, Profile, Table, describes
 from particell.chemistry.reactions import Reaction, parse_reaction
 from particell.chemistry.species import Species
@@ -33,9 +33,9 @@ class SpeciesTable(Table):
 
     def build(self, scope: Scope) -> Species:
         """The species."""
-        scope.known_group(f"only_in of {self.name}", self.only_in)
+        scope.known_group("only_in", self.only_in)
         if isinstance(self.diffusivity, Mapping):
-            scope.known_group(f"diffusivity of {self.name}", tuple(self.diffusivity))
+            scope.known_group("diffusivity", tuple(self.diffusivity))
         return Species(**self.given())
 
 
@@ -68,16 +68,17 @@ class ReactionTable(Table):
     def build(self, scope: Scope, species: Mapping[str, Species]) -> Reaction:
         """The reaction."""
         scope.known_group("only_in", self.only_in)
-        for rate in (self.forward, self.backward):
+        for key, rate in (("forward", self.forward), ("backward", self.backward)):
             if isinstance(rate, Mapping):
-                scope.known_group("a rate", tuple(rate))
+                scope.known_group(key, tuple(rate))
         values = self.given("rate_law")
         if self.rate_law is not None:
             whole = all(species[n].molecules for n in self._names() if n in species)
             law = law_of("rate_law", self.rate_law, scope, whole)
             values["propensity" if whole else "rate_law"] = law
         reaction = Reaction(**values)
-        scope.known_species(f"reaction '{reaction.label}'", reaction.names)
+        for name in reaction.names:
+            known("species", name, scope.species)
         return reaction
 
     def _names(self) -> list[str]:
@@ -128,8 +129,9 @@ class InitialTable(Table):
 
     def apply(self, scope: Scope, simulation: Simulation) -> None:
         """Set it."""
-        scope.known_species("initial", [self.species])
-        scope.known_group("initial", self.group)
+        known("species", self.species, scope.species)
+        if self.group is not None:
+            known("group", self.group, scope.phases)
         chemistry = simulation.chemistry
         assert chemistry is not None
         if self.count is not None:

@@ -26,8 +26,7 @@ def input_error(
     place = _place(location, data, kind == "missing" or location[-1:] == ["type"])
     cause = context.get("error")
     if isinstance(cause, InputError):
-        where = f" in {place}" if place else ""
-        return InputError(f"{cause.key}{where}", shown(cause.value), cause.allowed)
+        return located(InputError(cause.key, shown(cause.value), cause.allowed), place)
     if kind == "union_tag_invalid":
         return unknown_name(place, str(context["tag"]), _tags(context))
     if kind == "union_tag_not_found":
@@ -41,6 +40,22 @@ def input_error(
         return InputError(place, shown(first["input"]), "a list")
     allowed = str(cause) if cause else _PYDANTIC.sub("", first["msg"])
     return InputError(place, shown(first["input"]), allowed)
+
+
+def located(error: InputError, place: str) -> InputError:
+    """The error with its place in the file, such as ``"reactions 'A -> B'"``.
+
+    What the classes say of themselves, for scripts, is said by the place already: it is left out.
+    """
+    if not place:
+        return error
+    key, item = error.key, re.search(r"^(\w+) '(.*)'$", place)
+    if item and error.value == item[2] and item[1].startswith(key):
+        return InputError(item[1], error.value, error.allowed)
+    if item:
+        kind, name = item[1].removesuffix("s"), re.escape(item[2])
+        key = re.sub(rf" (?:of|in)(?: {kind}\w*)? '?{name}'?(?= in |$)", "", key)
+    return InputError(f"{key} in {place}", error.value, error.allowed)
 
 
 def shown(value: Any) -> Any:

@@ -8,6 +8,7 @@ import time as clock
 from collections.abc import Iterator
 
 import numpy as np
+from tqdm import tqdm
 
 from particell.casefile.case import FileCase
 from particell.casefile.scope import BYTES_A_PARTICLE
@@ -74,6 +75,7 @@ def report(case: Case, timing: bool = True, threads: int | None = None) -> Itera
     for finding in beyond(foresee(simulation)):
         yield f"{UNHEALTHY} {finding.line}"
     if timing:
+        tqdm.write("timing a few steps (new loops are compiled first: up to a minute)", sys.stderr)
         yield f"time:      about {_duration(steps * seconds_a_step(simulation, steps))}"
 
 
@@ -111,7 +113,7 @@ def _limits(simulation: Simulation) -> dict[str, float]:
     h = float(simulation.particles.host("support").min())
     limits: dict[str, float] = {}
     dim = simulation.domain.dim
-    for found in flow_limits(h, simulation.materials, scheme, simulation._speed, dim):
+    for found in flow_limits(h, simulation.given_materials, scheme, simulation._speed, dim):
         limits[found.reason] = min(found.smallest, limits.get(found.reason, math.inf))
     return limits
 

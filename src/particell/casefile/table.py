@@ -23,6 +23,7 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import core_schema
 
 from particell.casefile.formula import is_formula
+from particell.casefile.messages import located
 from particell.errors import InputError, unknown_name
 from particell.units import Length, Quantity
 
@@ -184,7 +185,7 @@ def within(place: str) -> Iterator[None]:
     except InputError as error:
         if place in error.key:
             raise
-        raise InputError(f"{error.key} in {place}", error.value, error.allowed) from None
+        raise located(error, place) from None
 
 
 def place_of(kind: str, number: int, name: str | None = None) -> str:

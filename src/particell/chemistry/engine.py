@@ -50,6 +50,8 @@ PART_OF_REACTION = 0.2
 PART_OF_LIMIT = 0.1
 #: A step is divided into this many parts at most.
 MOST_PARTS = 500
+#: A time in s in which nothing reacts, and reactions leave behind how fast they are.
+INSTANT = 1e-150
 
 
 class Chemistry(Contents):
@@ -97,7 +99,7 @@ class Chemistry(Contents):
         Largest number of sub-steps of a particle's deterministic reactions in the last step.
     pace
         Fastest rate in 1/s of reactions of molecules and concentrations together, as the last step
-        left them; it decides how a step is divided.
+        left them, or as they are before the first one; it decides how a step is divided.
     binomial_cost
         Where the exact walks change from single molecules to whole groups, see
         :mod:`particell.chemistry.jumps`; changes speed only.
@@ -268,6 +270,8 @@ class Chemistry(Contents):
         n = self.particles.n
         for numbers in self._thresholds:
             self._switch_kind(n, *numbers, step_index)
+        if self._divides and self.pace == math.inf:
+            self._measure_pace(step_index)
         parts = self._parts(tau)
         for part in range(parts):
             self._split_step(step_index, tau / parts, part, begin + part * tau / parts)
@@ -283,6 +287,17 @@ class Chemistry(Contents):
             allowed = f"at most {MOST_PARTS * shortest:.3g} s (reactions of molecules and amounts)"
             raise InputError("step of species", tau, allowed)
         return parts
+
+    def _measure_pace(self, step: int) -> None:
+        """How fast reactions are before the first step, with reservoirs as they are held in it."""
+        n = self.particles.n
+        self._prepare(n)
+        self._hold(step)
+        self._react_together(len(self._fields["work"]), n, INSTANT, step, 0)
+        self.pace = self._pace_left()
+
+    def _pace_left(self) -> float:
+        return float(self.device.to_host(self._fields["pace"]).max())
 
     def _split_step(self, step: int, tau: float, part: int, begin: float) -> None:
         n = self.particles.n
@@ -337,11 +352,10 @@ class Chemistry(Contents):
             return
         if self._switching:
             self._prepare(n)
+        for each in self._exchanges:
+            if each.broken is not None:
+                self._fail("the exchange by diffusion is not finite", *each.broken, step)
         fastest = max(each.rate for each in self._exchanges)
-        if not math.isfinite(fastest):
-            rows = self.device.to_host(self._fields["row_rate"])
-            row = int(np.argmin(np.isfinite(rows)))
-            self._fail("the exchange by diffusion is not finite", "density", row, step)
         self.divisions = max(1, math.ceil(0.5 * tau * fastest * (1 - 1e-12)))
         for part in range(self.divisions):
             if part > 0:
@@ -388,7 +402,7 @@ class Chemistry(Contents):
         lanes = len(f["work"])
         if self._together:
             self._react_together(lanes, n, tau, step, part)
-            self.pace = float(self.device.to_host(f["pace"]).max())
+            self.pace = self._pace_left()
         elif self.deterministic.reactions:
             self._react_amounts(lanes, n, tau, begin)
         if self._together or self.deterministic.reactions:

@@ -8,6 +8,7 @@ with walls and edges as they are, and longer steps are divided.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -15,6 +16,7 @@ import numpy as np
 
 from particell.chemistry import fluxes
 from particell.chemistry.network import Tables
+from particell.chemistry.origin import origin
 from particell.chemistry.reservoirs import FREE, HELD, WALL_FLUX, WALL_VALUE
 from particell.compute.device import Device
 from particell.compute.reduce import Reduction
@@ -75,12 +77,15 @@ class Exchange:
         Their largest diffusivity in m²/s.
     rate
         No eigenvalue of their exchange is beyond this, in 1/s.
+    broken
+        Field and row of the particle that makes the rate not finite; None where it is finite.
     """
 
     def __init__(self, device: Device, codes: np.ndarray, n: int):
         self.device = device
         self.amounts: list[int] = []
         self.fastest = self.rate = 0.0
+        self.broken: tuple[str, int] | None = None
         self.fields: dict[str, Any] = {
             "carriers": device.array(codes),
             "wall_scale": device.zeros(len(codes), np.float64),
@@ -132,6 +137,10 @@ class Exchange:
         if self.amounts:
             largest = self._reduction.max(self._all["row_rate"])
             self.rate = self.fastest * largest * max(1.0, self._scale.max())
+            # at once: the next set of weights writes to the same rows
+            self.broken = None
+            if not math.isfinite(self.rate):
+                self.broken = origin(self.device, self._all, self._all["row_rate"])
 
     def diffuse(self, n: int, tau: float) -> None:
         """One explicit step of the concentrations."""

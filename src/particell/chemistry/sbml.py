@@ -154,7 +154,8 @@ def read_sbml(
     InputError
         Where libSBML is missing, the file cannot be read, or holds what cannot be represented:
         events, algebraic and rate rules, delays, fast reactions, compartments that change,
-        reactions between compartments of different volumes, packages that a file requires.
+        reactions between compartments that were not given one volume, packages that a file
+        requires.
     """
     return parse_sbml(sbml_text(path), path, diffusivity, molecules, only_in, units, volumes)
 

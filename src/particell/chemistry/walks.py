@@ -10,6 +10,7 @@ import numpy as np
 
 from particell.chemistry import jumps
 from particell.chemistry.jumprates import jump_rates
+from particell.chemistry.origin import origin
 from particell.compute.device import Device
 from particell.compute.reduce import Reduction
 from particell.errors import RunError
@@ -103,10 +104,10 @@ class Walks:
         self.rates(n)
         self._fastest = fastest = self._reduction.max(f["leave_rate"])
         if not math.isfinite(fastest):
-            bad = int(np.argmin(np.isfinite(self.device.to_host(f["leave_rate"]))))
-            particle = int(self.device.to_host(f["id"])[bad])
+            field, row = origin(self.device, f, f["leave_rate"])
+            particle = int(self.device.to_host(f["id"])[row])
             message = "the rate of a molecule's jumps is not finite"
-            raise RunError(message, step=step, time=time, field="x", particle=particle)
+            raise RunError(message, step=step, time=time, field=field, particle=particle)
 
     def run(self, n: int, step: int, tau: float, binomial_cost: float, stream: int = 0) -> int:
         """Move the molecules of n particles during tau; the jumps made.

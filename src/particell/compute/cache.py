@@ -75,6 +75,11 @@ def cache_directory(file: Path) -> Path:
     return root / digest.hexdigest()[:16]
 
 
+def compiled_before(file: Path) -> bool:
+    """Whether a function of a source file, as it is now, has been compiled and kept."""
+    return any(cache_directory(file).rglob("*.nbi"))
+
+
 @contextmanager
 def compiled_here(file: str) -> Iterator[None]:
     """Make Numba pick :func:`cache_directory` for functions created inside the block."""

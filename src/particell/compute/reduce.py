@@ -30,12 +30,13 @@ def block_sums(b, values, n_rows, partial, *, COLUMNS, BLOCK):
 
 @particle_loop
 def block_maxima(b, values, n_rows, partial, *, BLOCK):
-    """Largest of ``values[b*BLOCK : (b+1)*BLOCK]`` into ``partial[b, 0]``."""
+    """Largest of ``values[b*BLOCK : (b+1)*BLOCK]`` into ``partial[b, 0]``; NaN where one is NaN."""
     first = b * BLOCK
     last = min(first + BLOCK, n_rows)
     best = values[first]
     for i in range(first + 1, last):
-        best = max(best, values[i])
+        if not values[i] <= best:  # a NaN too, and then it stays: it compares with nothing
+            best = values[i] if best == best else best
     partial[b, 0] = best
 
 

@@ -12,6 +12,7 @@ from particell.analysis.fields import interpolate
 from particell.health.finding import Finding
 from particell.health.spacing import Spacing
 from particell.materials import BOLTZMANN
+from particell.schemes.transport_velocity import TransportVelocity
 
 if TYPE_CHECKING:
     from particell.simulation import Simulation
@@ -144,8 +145,8 @@ class Watch:
                     "scatter of velocities over the largest speed",
                     scatter,
                     SCATTER,
-                    "neighbours do not move together, the flow is torn: use TransportVelocity, or "
-                    "a smaller spacing (less than 10 ν/U)",
+                    "neighbours do not move together, the flow is torn: use a spacing below 10 "
+                    f"ν/U, or {self._even()}",
                 )
             slip = self._slip()
             if slip is not None:
@@ -156,19 +157,25 @@ class Watch:
                     "the layer of fluid at walls is not resolved: give a smaller spacing",
                 )
 
+    def _even(self) -> str:
+        """What keeps particles evenly spread, other than what the run uses."""
+        if isinstance(self.simulation.scheme, TransportVelocity):
+            return "the scheme's own kernel and support (lucy, 2.6), or a smaller spacing"
+        return "TransportVelocity, or SDPD with shifting=0.5"
+
     def _arrangement(self) -> Iterator[Finding]:
         yield Finding(
             "space filled around the emptiest particle, of that at the start",
             -self.worst["empty"] / self.worst["filled at first"],
             FILLED,
-            "there are voids: use TransportVelocity, or SDPD with shifting=0.5",
+            f"there are voids: use {self._even()}",
             least=True,
         )
         yield Finding(
             f"part of the particles nearer than {CLUMP:g} spacings to another",
             self.worst["clumps"],
             IN_CLUMPS,
-            "particles lie in clumps: use TransportVelocity, or SDPD with shifting=0.5",
+            f"particles lie in clumps: use {self._even()}",
         )
 
     def _noise(self) -> float:

@@ -8,7 +8,8 @@ Where a fluid fills the space between walls, its pressure is written as
    w(s) = \langle \rho\, f\cdot e \rangle_s, \qquad s = e\cdot x,
 
 with f the body force per mass (gravity and buoyancy, along directions that are not periodic), e the
-direction in which it acts and w(s) the mean weight per volume of what is at s at the start. Pairs
+direction in which it acts and w(s) the mean weight per volume of what is at s: at the start, and
+with fluids of several densities whenever the neighbour list is built. Pairs
 exert :math:`P'` alone, and the exact gradient of :math:`P^H` acts on each particle,
 
 .. math::
@@ -16,14 +17,14 @@ exert :math:`P'` alone, and the exact gradient of :math:`P^H` acts on each parti
    a_i = \sum_j m_j \Bigl(\frac{P'_i}{\rho_i^2} + \frac{P'_j}{\rho_j^2}\Bigr) F_{ij}\, x_{ij}
    + f_i - \frac{w(s_i)}{\rho_i}\, e + \ldots
 
-Any smooth function of s could be taken out. With this one a fluid at rest exerts nothing, whatever
-kernel, support and arrangement. With the whole pressure the sum over pairs is a gradient only as
-far as :math:`\sum_j V_jF_{ij}\,x_{ij}x_{ij}^T = I`, which is off by up to 2 %; and it is a force of
-the arrangement besides, in proportion to P: where that is negative, as in the upper half of a
-closed column, particles clump, and where it is positive they pair at some supports. Both go on for
-ever where density diffuses (:mod:`particell.laws.continuity`), since it then does not know the
-arrangement. Taking the weight out of the pressure is common in ocean models and in well-balanced
-schemes for the shallow water equations.
+Any smooth function of s could be taken out, another one at any time. With this one a fluid at rest
+exerts nothing, whatever kernel, support and arrangement. With the whole pressure the sum over pairs
+is a gradient only as far as :math:`\sum_j V_jF_{ij}\,x_{ij}x_{ij}^T = I`, which is off by up to 2
+%; and it is a force of the arrangement besides, in proportion to P: where that is negative, as in
+the upper half of a closed column, particles clump, and where it is positive they pair at some
+supports. Both go on for ever where density diffuses (:mod:`particell.laws.continuity`), since it
+then does not know the arrangement. Taking the weight out of the pressure is common in ocean models
+and in well-balanced schemes for the shallow water equations.
 
 w and its integral are tables over s at equal intervals. ``rest_axis`` holds e, the s where they
 begin, the number of intervals per metre, and their length in m.

@@ -30,15 +30,25 @@ def own_kernel(i: Any, kernel: int) -> Number:
 
 @dataclass(frozen=True)
 class SummedDensity(Law):
-    """The density that the arrangement has; ``kernel`` is the kernel's code."""
+    """The density that the arrangement has.
+
+    Attributes
+    ----------
+    kernel
+        The kernel's code.
+    contrast
+        Whether reference densities differ: masses are then those of the fluid of i.
+    """
 
     kernel: int
+    contrast: bool = False
 
     own = ("total",)
 
     def pair(self, i: Any, j: Any, ij: Any) -> Adds:
         """m_j W, in kg/m³."""
-        return {"total": j.mass * ij.W}
+        mass = j.mass * (i.reference / j.reference) if self.contrast else j.mass
+        return {"total": mass * ij.W}
 
     def finish(self, i: Any, sums: Any) -> Adds:
         """With what the particle itself adds, over s."""

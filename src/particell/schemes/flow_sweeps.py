@@ -101,7 +101,7 @@ class FlowSweeps:
     viscosity
         The law of friction.
     pressure
-        The form of the pressure's force.
+        The law of its force.
     noise, gaussian
         Whether there is thermal noise; whether its numbers are normal.
     lead
@@ -114,6 +114,8 @@ class FlowSweeps:
         Of a fluid at rest.
     several, parted
         Whether there is more than one group of fluid, and with other equations of state.
+    contrast
+        Whether reference densities differ.
     more
         Laws of the user's.
     """
@@ -126,7 +128,7 @@ class FlowSweeps:
     held: int
     moving: bool
     viscosity: Viscosity
-    pressure: str
+    pressure: PressureForce
     noise: bool
     gaussian: bool
     lead: bool
@@ -135,6 +137,7 @@ class FlowSweeps:
     head: HeadOfRest | None
     several: bool
     parted: bool
+    contrast: bool
     more: tuple[Law, ...] = ()
 
     def _derived(self, **more: Callable[[Side], Any]) -> Names:
@@ -155,7 +158,7 @@ class FlowSweeps:
         return [Continuity(), *([self.diffusion] if self.diffusion else [])]
 
     def _force_laws(self) -> list[Law]:
-        laws: list[Law] = [PressureForce(self.pressure), self.viscosity]
+        laws: list[Law] = [self.pressure, self.viscosity]
         if self.noise:
             laws.append(ThermalNoise(self.viscosity, self.gaussian))
         if self.shift:
@@ -195,7 +198,7 @@ class FlowSweeps:
 
     def summed_density(self) -> Sweep:
         """Density from the arrangement."""
-        return self._sweep("summed_density", [SummedDensity(self.kernel)], [ALL])
+        return self._sweep("summed_density", [SummedDensity(self.kernel, self.contrast)], [ALL])
 
     def kernel_sums(self) -> Sweep:
         """The kernel's second moment, of walls too."""

@@ -36,10 +36,17 @@ class RestPressure:
         Where loops run; the box; the particles at the start.
     gravity
         In m/s², shape (D,).
+    contrast
+        Whether there are fluids of several densities.
     """
 
     def __init__(
-        self, device: Device, domain: Domain, particles: Particles, gravity: np.ndarray
+        self,
+        device: Device,
+        domain: Domain,
+        particles: Particles,
+        gravity: np.ndarray,
+        contrast: bool,
     ) -> None:
         self.device, self.domain, self.particles = device, domain, particles
         self.gravity = gravity
@@ -48,37 +55,51 @@ class RestPressure:
         across = float(np.linalg.norm(np.ptp(x, axis=0)))
         self._places = int(min(PER_SPACING * across / spacing, MOST_PLACES)) + 3
         self._enclosed: bool | None = None
+        self._contrast = contrast
         self.fields: dict[str, Any] = {
             "rest_axis": device.array(np.zeros(domain.dim + 3)),
             "rest_weight": device.array(np.zeros(self._places)),
             "rest_pressure": device.array(np.zeros(self._places)),
         }
 
+    def follow(self) -> None:
+        """Tabulate anew, where what is at s may have become another fluid.
+
+        With fluids of one density the table stays that of the start, also with buoyancy: what that
+        weighs is small, and convection is no nearer to its references with a table that follows.
+        """
+        if self._enclosed and self._contrast:
+            self.tabulate()
+
     def tabulate(self) -> None:
         """Take w(s) from where the particles are and from what acts on them."""
         p = self.particles
-        fluid = p.host("is_wall") == 0
-        force = np.tile(self.gravity, (len(p), 1))
-        if "buoyancy" in p:
-            force = force + p.host("buoyancy")
-        force = np.where(self.domain.periodic, 0.0, force)[fluid]
-        if not np.any(force):
+        closed = ~np.array(self.domain.periodic)
+        if "buoyancy" not in p and not np.any(self.gravity[closed]):
             return
         if self._enclosed is None:
             self._enclosed = is_enclosed(self.domain, p)
         if not self._enclosed:
             return
-        mass = p.host("mass")[fluid].astype(float)
-        axis = np.linalg.eigh(np.einsum("n,ni,nj->ij", mass, force, force))[1][:, -1]
-        axis = np.where(self.domain.periodic, 0.0, axis)
-        x = p.host("x").astype(float)
-        s, volume = x @ axis, p.host("volume")[fluid].astype(float)
+        fluid = p.view("is_wall") == 0
+        force = np.tile(self.gravity, (len(p), 1))
+        if "buoyancy" in p:
+            force = force + p.view("buoyancy")
+        force = np.where(closed, force, 0.0)[fluid]
+        mass = p.view("mass")[fluid].astype(float)
+        axis = np.zeros(self.domain.dim)
+        if np.any(force):
+            axis = np.linalg.eigh(np.einsum("n,ni,nj->ij", mass, force, force))[1][:, -1]
+            axis = np.where(closed, axis, 0.0)
+        x = p.view("x").astype(float)
+        s, volume = (x * axis).sum(axis=1), p.view("volume")[fluid].astype(float)
         start, interval = s.min(), max(float(np.ptp(s)), 1e-300) / (self._places - 1)
         height = (s[fluid] - start) / interval
-        weight = self._means(height, mass * (force @ axis), volume)
+        weight = self._means(height, mass * (force * axis).sum(axis=1), volume)
         steps = 0.5 * interval * (weight[1:] + weight[:-1])
         pressure = np.concatenate([[0.0], np.cumsum(steps)])
-        pressure -= volume @ np.interp(height, np.arange(self._places), pressure) / volume.sum()
+        at = np.interp(height, np.arange(self._places), pressure)
+        pressure -= (volume * at).sum() / volume.sum()
         self.put({"rest_weight": weight, "rest_pressure": pressure})
         self.put({"rest_axis": np.array([*axis, start, 1.0 / interval, interval])})
 
@@ -111,13 +132,19 @@ class RestPressure:
         return table
 
     def put(self, values: dict[str, np.ndarray]) -> None:
-        """Write tables: those found, or those of a run that goes on."""
+        """Write tables."""
         for name, array in values.items():
             self.device.write(self.fields[name], array)
 
     def state(self) -> dict[str, np.ndarray]:
-        """The tables, for :meth:`put`."""
-        return {k: np.array(self.device.to_host(v)) for k, v in self.fields.items()}
+        """What a run that goes on needs, for :meth:`restore`: tables, and whether it has any."""
+        tables = {k: np.array(self.device.to_host(v)) for k, v in self.fields.items()}
+        return {**tables, "enclosed": np.array(self._enclosed is True)}
+
+    def restore(self, state: dict[str, np.ndarray]) -> None:
+        """Put the :meth:`state` of another run back."""
+        self.put({name: state[name] for name in self.fields})
+        self._enclosed = bool(state.get("enclosed", np.any(state["rest_axis"])))
 
 
 def is_enclosed(domain: Domain, particles: Particles) -> bool:

@@ -2,8 +2,8 @@
 
 Continuity integrates the density of each particle by its own neighbours, and nothing binds the sum
 of the volumes m/ρ to the space that they fill: it drifts, by a percent or so in ten passages where
-particles move with v + δv (the rate of density sees that they crowd, not that δv undoes it) and by
-several in closed cavities in three dimensions. The mean pressure drifts with it, by c₀² times that,
+particles move with v + δv (the rate of density sees that they crowd, not that δv undoes it) and
+as much in closed cavities in three dimensions. The mean pressure drifts with it, by c₀² times that,
 which resists shear (:mod:`particell.laws.pressure`). So all densities are scaled at each build of
 the neighbour list by the factor that gives the volume back.
 """

@@ -22,6 +22,7 @@ from particell.errors import InputError
 from particell.geometry.domain import Domain
 from particell.kernels import kernel_code, normalisation
 from particell.laws.continuity import DensityDiffusion, HeadOfRest
+from particell.laws.pressure import PressureForce
 from particell.laws.shifting import FRICTION, SOUND
 from particell.laws.viscosity import Viscosity, friction_coefficients
 from particell.materials import BOLTZMANN, Fluid
@@ -83,11 +84,14 @@ class SDPDSolver:
         dim = self.dim
         by_group = [materials[g.material] for g in particles.groups]
         discrete = discrete_fluids(scheme, particles, by_group, depth_factor)
-        friction = [self.friction(d.material, dim) for d in discrete]
+        #: what particles of each group are given: what limits the step
+        self.given = [d.material for d in discrete]
+        friction = [self.friction(m, dim) for m in self.given]
         gravity = np.zeros(dim) if scheme.gravity is None else np.array(scheme.gravity, dtype=float)
         if gravity.shape != (dim,):
             raise InputError("gravity", scheme.gravity, f"{dim} numbers")
-        self.rest = RestPressure(device, domain, particles, gravity)
+        contrast = len({m.density for m in by_group}) > 1
+        self.rest = RestPressure(device, domain, particles, gravity, contrast)
         self.thermal = np.zeros(len(by_group))
         if scheme.fluctuations:
             for k, material in enumerate(by_group):
@@ -128,7 +132,8 @@ class SDPDSolver:
         equations = [
             (m.density, m.sound_speed, m.exponent, m.background_pressure) for m in by_group
         ]
-        sound_speeds = np.array([d.material.sound_speed for d in discrete], dtype=float)
+        sound_speeds = np.array([m.sound_speed for m in self.given], dtype=float)
+        self.contrast = contrast
         self.tables = {
             "transverse": np.array([f[0] for f in friction]),
             "radial": np.array([f[1] for f in friction]),
@@ -168,7 +173,7 @@ class SDPDSolver:
             self.constants["wall_friction"] = device.zeros((1, 1))
         self.spreads = self.held != FREE and scheme.fluctuations and not self.trapezoidal
         if self.spreads:
-            particles.add("velocity_spread", dim)
+            particles.add("velocity_spread", dim, part_of="v")
             self._spread_key = stream_key(seed, VELOCITY_SPREAD)
         self.constants |= self.rest.fields
         if scheme.normalise_viscosity:
@@ -230,7 +235,8 @@ class SDPDSolver:
             held=self.held,
             moving="wall_acceleration" in p,
             viscosity=Viscosity(self.radial, scheme.normalise_viscosity, exact, self.walls),
-            pressure=self.pressure_form,
+            pressure=PressureForce(self.pressure_form, contrast=self.contrast),
+            contrast=self.contrast,
             noise=scheme.fluctuations,
             gaussian=scheme.noise == "gaussian",
             lead=not (scheme.fluctuations or self.trapezoidal),
@@ -244,10 +250,12 @@ class SDPDSolver:
 
     @staticmethod
     def _keeps_volume(scheme: Any) -> bool | None:
-        """See :class:`.KeptVolume`: a sum over neighbours needs no help, noise is left alone."""
-        if scheme.shifting > 0:
-            return True
-        return False if scheme.density == "summation" or scheme.fluctuations else None
+        """See :class:`.KeptVolume`; without shifting what keeps particles apart is their pressure.
+
+        It comes from a mean density that has climbed a little: were that taken away, half of the
+        fluid would be under tension, and clump.
+        """
+        return bool(scheme.shifting > 0)
 
     def _bind_loops(self) -> None:
         fields = {**self.constants, **self.neighbours.fields, **self.particles.fields}
@@ -396,6 +404,7 @@ class SDPDSolver:
         p = self.particles
         if self.neighbours.needs_build(p["x"], p["transport" if self.shifting else "v"], dt):
             self.build_list()
+            self.rest.follow()
 
     def _thermodynamics(self, dt: float) -> None:
         """Density after dt (or summed), pressure and volume; then the pressure of walls."""

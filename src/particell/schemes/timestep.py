@@ -7,7 +7,10 @@ r"""Time step and sound speed by rule.
 
 with h the support and λ_max the largest eigenvalue of the friction between fluid particles on a
 lattice (:mod:`particell.schemes.friction_limit`), which is taken explicitly and stable below
-2/λ_max: 0.10 h²/ν with Lucy's kernel (0.077 with the radial friction in 3D). Friction with walls is
+2/λ_max: 0.10 h²/ν with Lucy's kernel (0.077 with the radial friction in 3D). With noise c_0 and η
+are those that particles are given (:mod:`particell.schemes.summation`). Where fluids of several
+densities meet, the pressure of the stiffest, ρ_k c_k², acts on the particles of the lightest:
+:math:`dt \le 0.5\,h\,\sqrt{\rho/\rho_k}/c_k`. Friction with walls is
 implicit (:mod:`particell.boundaries.wall_friction`) and limits nothing.
 """
 
@@ -23,6 +26,8 @@ from particell.errors import InputError
 #: More steps than anybody waits for.
 MOST_STEPS = 1e12
 COURANT = 0.25
+#: Where fluids of several densities meet: of h/√(max(ρc²)/ρ), unstable from 1.2 or more.
+STIFF = 0.5
 VISCOUS = 0.05
 #: Largest dt λ_max of the friction between fluid particles on a lattice, and where it is unstable.
 #: Particles displaced at random by 0.3 spacings raise λ_max to 1.25 times that, by 0.5 to 1.5.
@@ -76,17 +81,19 @@ def step_limits(
     gravity: float,
     viscous: float = VISCOUS,
     friction: float = 0.0,
+    stiff: float = 0.0,
 ) -> StepLimits:
     """The limits above for one material; all in SI units.
 
     ``viscous`` is the factor of h²ρ/η, ``friction`` is λ_max in 1/s: where one is smaller, so is
-    what the other one allows.
+    what the other one allows. ``stiff`` is √(ρ_k c_k²/ρ) in m/s, with the stiffest fluid k there
+    is: what a particle of this one does among that one's.
     """
     infinite = math.inf
     slow = viscous * support**2 / kinematic_viscosity if kinematic_viscosity else infinite
     explicit = viscous / VISCOUS * EXPLICIT / friction if friction else infinite
     return StepLimits(
-        sound=COURANT * support / (sound_speed + speed),
+        sound=support / max((sound_speed + speed) / COURANT, stiff / STIFF),
         viscosity=min(slow, explicit),
         acceleration=COURANT * math.sqrt(support / gravity) if gravity else infinite,
     )

@@ -22,6 +22,7 @@ DOCS = Path(__file__).parent.parent / "docs"
 PAGES = [
     DOCS / "first-run.md",
     *sorted((DOCS / "guide").glob("*.md")),
+    DOCS / "howto/law.md",
     DOCS / "howto/species.md",
     DOCS / "howto/paraview.md",
 ]
@@ -62,12 +63,6 @@ def test_how_to_add_a_case(tmp_path):
     case = page.SlidingPlate(resolution=10, speed="2 mm/s")
     assert execute(case, tmp_path / "out", threads=1, progress=False) == 0
     assert (tmp_path / "out/profile.png").stat().st_size > 0
-
-
-def test_how_to_add_a_law(tmp_path):
-    page = file_on_page("howto/law.md", "laws/cohesion.py", tmp_path)
-    for r, force in ((1.0, 0.0), (2.0, -1.0), (3.1, 0.0)):
-        assert page.cohesion_force(1.0, 1.0, 1.0, r, 1 / 3, 1 / r) * r == pytest.approx(force)
 
 
 def test_how_to_add_a_boundary(tmp_path):

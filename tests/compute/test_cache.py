@@ -7,7 +7,7 @@ from pathlib import Path
 from particell.chemistry import massaction
 from particell.compute import cache
 from particell.laws import continuity
-from particell.schemes import rates, sdpd
+from particell.schemes import flow_sweeps, sdpd
 
 
 def path(module) -> Path:
@@ -15,7 +15,7 @@ def path(module) -> Path:
 
 
 def test_a_loop_depends_on_its_laws_and_not_on_its_users():
-    found = cache.sources(path(rates))
+    found = cache.sources(path(flow_sweeps))
     assert path(continuity) in found
     assert path(cache) in found  # through compute.loop
     assert path(sdpd) not in found
@@ -23,7 +23,7 @@ def test_a_loop_depends_on_its_laws_and_not_on_its_users():
 
 
 def test_an_edit_of_a_helper_changes_the_directory(monkeypatch):
-    before = cache.cache_directory(path(rates))
+    before = cache.cache_directory(path(flow_sweeps))
     read = cache._read.__wrapped__
 
     def edited(file):
@@ -32,7 +32,7 @@ def test_an_edit_of_a_helper_changes_the_directory(monkeypatch):
 
     monkeypatch.setattr(cache, "_read", edited)
     after = cache.cache_directory.__wrapped__
-    assert after(path(rates)) != before
+    assert after(path(flow_sweeps)) != before
     assert after(path(massaction)) == cache.cache_directory(path(massaction))
 
 

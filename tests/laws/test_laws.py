@@ -7,7 +7,7 @@ import pint
 import pytest
 import sympy
 
-from particell.compute.expressions import Vector
+from particell.compute.expressions import Symmetric, Vector
 from particell.laws.continuity import Continuity, DensityDiffusion
 from particell.laws.fluctuations import ThermalNoise
 from particell.laws.law import Values, pair_of
@@ -44,32 +44,32 @@ GALILEAN = [
     MomentumFlux("uniform"),
     Crowding(),
 ]
-#: What each law adds, and its unit in two dimensions.
+#: What each law adds, and its unit in two dimensions (masses are per depth).
 UNITS = [
     *((law, "m/s^2") for law in FORCES),
     (PressureForce("difference"), "m/s^2"),
-    (Continuity(), "kg/m^2/s"),
-    (DensityDiffusion(), "kg/m^2/s"),
-    (TransportContinuity(), "kg/m^2/s"),
+    (Continuity(), "kg/m^3/s"),
+    (DensityDiffusion(), "kg/m^3/s"),
+    (TransportContinuity(), "kg/m^3/s"),
     (MomentumFlux("uniform"), "m/s^2"),
     (MomentumFlux("conserving"), "m/s^2"),
     (Crowding(), "m"),
     (KernelSum(), ""),
 ]
 SCALARS = {
-    "density": "kg/m^2",
-    "mass": "kg",
+    "density": "kg/m^3",
+    "mass": "kg/m",
     "volume": "m^2",
     "support": "m",
-    "pressure_over_square": "Pa*m/(kg/m^2)^2",
-    "transverse": "Pa*s*m",
-    "radial": "Pa*s*m",
-    "thermal": "J",
+    "pressure_over_square": "Pa/(kg/m^3)^2",
+    "transverse": "Pa*s",
+    "radial": "Pa*s",
+    "thermal": "J/m",
     "kernel_sum": "",
     "diffusion": "m/s",
     "equation": "",
     "fluid": "",
-    "reference": "kg/m^2",
+    "reference": "kg/m^3",
 }
 VECTORS = {"x": "m", "v": "m/s", "shift_velocity": "m/s"}
 IDS = [f"{type(law).__name__}{k}" for k, law in enumerate(GALILEAN)]
@@ -166,8 +166,10 @@ def test_dissipation_and_fluctuation_balance():
 
 @pytest.fixture(scope="module")
 def quantities():
-    """Two particles with units, in two dimensions (per metre of depth where that is left out)."""
+    """Two particles with units, in two dimensions."""
     registry = pint.UnitRegistry()
+    for kind in (Vector, Symmetric):  # which know better how to be multiplied by a quantity
+        pint.compat.upcast_type_map[f"{kind.__module__}.{kind.__name__}"] = kind
     random = np.random.default_rng(1)
 
     def side():
@@ -186,7 +188,6 @@ def test_dimensions(law, unit, quantities, monkeypatch):
     registry, i, j = quantities
     monkeypatch.setattr(fluctuations, "symbol", lambda *_: 1.0 * registry("1/s"))
     noise = Vector.of("noise", [0.3 * registry("1"), 0.4 * registry("1")])
-    # per depth: pressures and viscosities are those of the film
     ij = pair_of(i, j, 2.0 * registry("1/m^4"), 1.0 * registry("1/m^2"), noise=lambda _: noise)
     for value in law.pair(i, j, ij).values():
         for part in parts(value):

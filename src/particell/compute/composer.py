@@ -28,6 +28,8 @@ from particell.compute.expressions import Node
 #: What a value depends on.
 NUMBER, OWN, ITS, PAIR = range(4)
 _SIDES = {"": NUMBER, "i": OWN, "j": ITS, "pair": PAIR}
+#: What is not finite, or no number, for some arguments.
+FUNCTIONS = ("call", "sqrt", "log", "exp", "**")
 #: Numbers of a record: whole vectors, or parts of one cache line.
 WIDTHS = (2, 4, 8, 16, 24, 32, 48, 64, 96, 128)
 HEAD = """\
@@ -406,7 +408,7 @@ class _Generator:
             inside = ["if r2 < reach2:"] if not p.stored else ["if True:"]
             loop = [*reads, *inside, *_indented(acts)]
             return [f"for k in range({begin}[i], {last}[i]):", *_indented(loop)]
-        stores, fills = self._stores(columns, gather), self._fills(p, columns, pairs)
+        stores, fills = self._stores(columns, gather), self._fills(p, roots, columns)
         keep = "c += np.uint64(1)" if p.stored else "c += np.uint64(r2 < reach2)"
         every = "c" if p.stored else "filled"
         base = f"base = batch_row(i) * np.uint64({BATCH} * COLUMNS)"
@@ -474,21 +476,52 @@ class _Generator:
         self._write(gather, columns)
         return [f"{self._column(columns, n)} + c] = {gather.names[n]}" for n in columns]
 
-    def _fills(self, p: Pass, columns: list[int], pairs: Writer) -> list[str]:
-        """Fill the last vector with pairs outside the support, which do nothing."""
+    def _fills(self, p: Pass, roots: dict[str, tuple[Any, ...]], columns: list[int]) -> list[str]:
+        """Fill the last vector with pairs outside the support, which do nothing.
+
+        Their columns hold what was there. Where that could be divided by, or else not be finite,
+        it is the last neighbour's.
+        """
         if p.stored:
             return []
+        self._argument("support")
+        risky = self._risky([n for values in roots.values() for n in values], columns)
         lines = [f"filled = whole_lanes(c, {BATCH})", "for q in range(c, filled):"]
         for number in columns:
-            node = self.numbering.nodes[number]
-            if node.op == "symbol" and node.what[1] == "dx0":
-                lines.append(f"    {self._column(columns, number)} + q] = 2.0 * support[i]")
-        if p.support is not None:
-            support = self.numbering(p.support)
-            if support in columns:
-                lines.append(f"    {self._column(columns, support)} + q] = support[i]")
-        self._argument("support")
+            place = f"    {self._column(columns, number)} + q]"
+            if self._is_offset(number):
+                if self.numbering.nodes[number].what[1] == "dx0":
+                    lines.append(f"{place} = 2.0 * support[i]")
+            elif number in roots.get("support", ()):
+                lines.append(f"{place} = support[i]")
+            elif number in risky:
+                lines.append(f"{place} = {self._column(columns, number)} + c - np.uint64(1)]")
         return lines
+
+    def _is_offset(self, number: int) -> bool:
+        node = self.numbering.nodes[number]
+        return node.op == "symbol" and node.what[0] == "pair"
+
+    def _risky(self, roots: list[Any], columns: list[int]) -> set[int]:
+        """Columns that something is divided by, or that functions are taken of."""
+        found: set[int] = set()
+        waiting = [(n, False) for n in roots if isinstance(n, int)]
+        seen: set[tuple[int, bool]] = set()
+        while waiting:
+            number, danger = waiting.pop()
+            if (number, danger) in seen:
+                continue
+            seen.add((number, danger))
+            if number in columns:
+                if danger:
+                    found.add(number)
+                continue
+            node = self.numbering.nodes[number]
+            uses = self.numbering.uses(number)
+            function = node.op in FUNCTIONS
+            divisor = uses[-1] if node.op == "/" and isinstance(node.args[1], Node) else None
+            waiting += [(k, danger or function or k == divisor) for k in uses]
+        return found
 
     def _columns(self, columns: list[int], gather: Writer, pairs: Writer) -> list[str]:
         lines = []

@@ -200,7 +200,9 @@ def where(condition: Number, a: Number, b: Number) -> Number:
         return Node("where", (condition, a, b))
     if any(_symbolic(v) for v in (condition, a, b)):
         return _sympy().Piecewise((a, condition), (b, True))
-    return np.where(condition, a, b)[()]
+    if isinstance(condition, bool | np.bool_):  # quantities keep their units
+        return a if condition else b
+    return np.where(condition, a, b)
 
 
 def maximum(a: Number, b: Number) -> Number:

@@ -90,7 +90,8 @@ class Sweep:
         dim = self.names.dim
         laws = self._with_symbols()
         me = Side(self.names, "i")
-        passes, sums = [], {}
+        passes: list[Pass] = []
+        sums: dict[str, tuple[int, Any]] = {}
         for source in self.sources:
             i, j, ij = source.see(me, Side(self.names, "j"), self.kernel, self.uniform)
             adds: dict[str, Any] = {}
@@ -169,8 +170,7 @@ class Sweep:
         for name, size in sizes.items():
             if name not in scratch or len(scratch[name]) < size:
                 kind = np.int64 if name == "whole_columns" else device.real
-                # ones: pairs that only fill a vector must not divide by zero
-                scratch[name] = device.array(np.ones(max(1, size), kind))
+                scratch[name] = device.zeros(max(1, size), kind)
         arrays = {**fields, **self.numbers(), **scratch}
         loop, pack = getattr(module, self.name), getattr(module, f"pack_{self.name}")
         return _Bound(device, (pack, loop), arrays)

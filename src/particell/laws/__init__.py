@@ -1,0 +1,33 @@
+"""Laws: what particles do to each other, one file a law; and what laws are written with."""
+
+from particell.compute.expressions import (
+    Symmetric,
+    Vector,
+    cos,
+    exp,
+    log,
+    maximum,
+    minimum,
+    sin,
+    sqrt,
+    tanh,
+    where,
+)
+from particell.laws.law import Law, Values, pair_of
+
+__all__ = [
+    "Law",
+    "Symmetric",
+    "Values",
+    "Vector",
+    "cos",
+    "exp",
+    "log",
+    "maximum",
+    "minimum",
+    "pair_of",
+    "sin",
+    "sqrt",
+    "tanh",
+    "where",
+]

@@ -69,6 +69,9 @@ class Values:
     def __init__(self, **values: Number):
         self.__dict__.update(values)
 
+    def __getattr__(self, name: str) -> Any:
+        raise AttributeError(f"no '{name}' was given; there are {', '.join(self.__dict__)}")
+
     def replace(self, **values: Number) -> Values:
         """The same with other values."""
         return Values(**{**self.__dict__, **values})

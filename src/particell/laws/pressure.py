@@ -57,7 +57,7 @@ class PressureForce(Law):
         own, its, mass = i.pressure_over_square, j.pressure_over_square, j.mass
         if self.contrast:
             own, its = own * (i.reference * i.reference), its * (j.reference * j.reference)
-            mass = mass * (1.0 / (i.reference * j.reference))
+            mass = (mass / j.reference) * (1.0 / i.reference)
         if self.form == "difference":
             own = -own
         elif self.form == "switched" and not ij.wall:

@@ -220,7 +220,8 @@ class SDPDSolver:
         acts = buoyancy or np.any(self.device.to_host(self.constants["gravity"])[list(walled)])
         head = HeadOfRest(walled, buoyancy) if acts else None
         exact = self.walls and not scheme.fluctuations
-        shapes = {name: array.shape for name, array in p.fields.items()}
+        arrays: dict[str, Any] = p.fields
+        shapes = {name: array.shape for name, array in arrays.items()}
         tables = tables_of(self.tables, self.fluids)
         return FlowSweeps(
             names=Names(

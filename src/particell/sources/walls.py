@@ -93,7 +93,7 @@ class Walls:
     def see(self, i: Side, j: Side, kernel: int, uniform: bool) -> tuple[Side, Side, Any]:
         """i, j and the pair as laws see them."""
         dim = i.names.dim
-        dx = [symbol("pair", f"dx{d}", "pair") for d in range(dim)]
+        dx: list[Number] = [symbol("pair", f"dx{d}", "pair") for d in range(dim)]
         dx += [0.0] * (3 - dim)
         names = ("normal", "depth", "curvature", "direction", "distance")
         arrays = [symbol("array", f"wall_{name}") for name in names]

@@ -136,10 +136,12 @@ def flow_entries(dim: int, threads: int) -> list[dict[str, Any]]:
         solver = simulation.solver
         assert isinstance(solver, SDPDSolver)
         if not noise:
+            run = solver.bound(solver.sweeps().forces(density=True))
+            numbers = solver.numbers(0, 1.0)
 
-            def sweep(solver: SDPDSolver = solver) -> None:
-                for k in range(5):
-                    solver.rates(k, 1.0)
+            def sweep(run: Any = run, n: int = n, numbers: Any = numbers) -> None:
+                for _ in range(5):
+                    run(n, **numbers)
 
             sweep()
             rows.append(entry(f"rates sweep {dim}D", simulation, threads, 5 * n / best_time(sweep)))

@@ -20,7 +20,6 @@ from particell.laws.transport_velocity import (
     TransportContinuity,
 )
 from particell.laws.viscosity import Viscosity
-from particell.laws.wall_pressure import WallPressure
 
 VISCOUS = Viscosity(radial=True)
 #: Forces that pairs exert on each other, by the name of what they add.
@@ -69,6 +68,7 @@ SCALARS = {
     "diffusion": "m/s",
     "equation": "",
     "fluid": "",
+    "inverse_dt": "1/s",
     "reference": "kg/m^3",
 }
 VECTORS = {"x": "m", "v": "m/s", "shift_velocity": "m/s"}
@@ -78,6 +78,7 @@ IDS = [f"{type(law).__name__}{k}" for k, law in enumerate(GALILEAN)]
 def symbols(side):
     """A particle whose values are symbols, in two dimensions."""
     values = {name: sympy.Symbol(f"{name}_{side}", positive=True) for name in SCALARS}
+    values["inverse_dt"] = sympy.Symbol("inverse_dt", positive=True)
     for name in VECTORS:
         parts = [sympy.Symbol(f"{name}{axis}_{side}", real=True) for axis in "xy"]
         values[name] = Vector.of(name, parts)
@@ -97,15 +98,6 @@ def swapped(i, j, **more):
 
 def parts(value):
     return value.parts(2) if hasattr(value, "parts") else (value,)
-
-
-@pytest.fixture(autouse=True)
-def plain_numbers(monkeypatch):
-    """Numbers that loops are given besides fields, as a symbol."""
-    from particell.laws import fluctuations
-
-    step = sympy.Symbol("inverse_dt", positive=True)
-    monkeypatch.setattr(fluctuations, "symbol", lambda *_: step)
 
 
 @pytest.mark.parametrize("law", FORCES, ids=IDS[: len(FORCES)])
@@ -153,7 +145,7 @@ def test_dissipation_and_fluctuation_balance():
     drag = parts(VISCOUS.pair(i, j, ij)["a"])
     numbers = sympy.symbols("xi_x xi_y", real=True)
     relative = [sympy.Symbol(f"v{axis}_i", real=True) for axis in "xy"]
-    rate = sympy.Symbol("inverse_dt", positive=True)
+    rate = i.inverse_dt
     for p in range(2):
         for q in range(2):
             product = sympy.expand(noise[p] * noise[q])
@@ -182,11 +174,8 @@ def quantities():
 
 
 @pytest.mark.parametrize(("law", "unit"), UNITS)
-def test_dimensions(law, unit, quantities, monkeypatch):
-    from particell.laws import fluctuations
-
+def test_dimensions(law, unit, quantities):
     registry, i, j = quantities
-    monkeypatch.setattr(fluctuations, "symbol", lambda *_: 1.0 * registry("1/s"))
     noise = Vector.of("noise", [0.3 * registry("1"), 0.4 * registry("1")])
     ij = pair_of(i, j, 2.0 * registry("1/m^4"), 1.0 * registry("1/m^2"), noise=lambda _: noise)
     for value in law.pair(i, j, ij).values():
@@ -199,7 +188,6 @@ def test_own_sums_are_declared():
     fields = {"a", "density_rate", "shift", "flux", "kernel_sum"}
     i, j = symbols("i"), symbols("j")
     ij, _ = swapped(i, j)
-    laws = [*GALILEAN, SummedDensity(0), DensityFilter(0, False), KernelSum()]
+    laws = [*GALILEAN, SummedDensity(), DensityFilter(False), KernelSum()]
     for law in laws:
         assert set(law.pair(i, j, ij)) <= fields | set(law.own)
-    assert set(WallPressure(False).own) == {"total", "weights"}

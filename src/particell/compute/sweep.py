@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 
 from particell.compute.batches import BATCH, batch_rows
-from particell.compute.composer import Generated, Pass, Plan, Result, source_of, sum_symbols
+from particell.compute.composer import Generated, source_of
 from particell.compute.device import Device
 from particell.compute.expressions import Node, Symmetric, Vector, components, symbol
 from particell.compute.generated import load
+from particell.compute.plan import Pass, Plan, Result, sum_symbols
 from particell.errors import unknown_name
 from particell.laws.law import Law, Values
 from particell.sources.source import Names, Side

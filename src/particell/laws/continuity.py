@@ -32,7 +32,7 @@ from typing import Any
 
 from numba import njit
 
-from particell.compute.expressions import call, symbol, where
+from particell.compute.expressions import call, where
 from particell.laws.law import Adds, Law
 from particell.materials import compressibility
 
@@ -90,7 +90,7 @@ class HeadOfRest:
     def potential(self, i: Any, j: Any, ij: Any) -> Any:
         """w̄·x_ij in m²/s²."""
         dim = len(self.walled)
-        gravity = [symbol("array", "gravity", "", d) for d in range(dim)]
+        gravity = i.gravity.parts(dim)
         total: Any = 0.0
         for base, factor in ij.x.terms.items():
             for d in range(dim):

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from particell.compute.expressions import sqrt, symbol
+from particell.compute.expressions import sqrt
 from particell.compute.philox import bounded_normal2, bounded_normal4, inlined_philox, normal_pair
 from particell.laws.law import Adds, Law
 from particell.laws.viscosity import Viscosity, harmonic_mean
@@ -71,7 +71,7 @@ class ThermalNoise(Law):
         """√(2k_BT/Δt) [√a (1 − ee)·ξ + √(a+b) e e·ξ] √(F/(d_i d_j)) / m_i, in m/s²."""
         across, along = self.friction.coefficients(i, j)
         thermal = harmonic_mean(i.thermal, j.thermal)
-        strength = (2.0 * symbol("number", "inverse_dt")) * thermal
+        strength = (2.0 * i.inverse_dt) * thermal
         # friction with a wall is larger by the extrapolation: so is noise squared
         fading = self.friction.friction(i, j, ij) * ((1.0 / i.mass) * strength)
         fading = fading * ij.extrapolation

@@ -71,33 +71,40 @@ def rest_pressure_at(height, interval, rest_weight, rest_pressure):
     return rest_pressure[k] + interval * t * (rest_weight[k] + t * slope)
 
 
-def _array(name: str) -> Any:
-    return symbol("array", name)
-
-
-def height_of(p: Any) -> Any:
-    """s of a particle, in intervals of the table."""
-    return call(rest_height, (p.index, _array("x"), _array("rest_axis"), p.dim))
-
-
-def rest_weight_of(p: Any) -> Any:
-    """w where a particle is, in Pa/m."""
-    return call(rest_weight_at, (height_of(p), _array("rest_weight")))
-
-
-def rest_pressure_of(p: Any) -> Any:
-    """P^H where a particle is, in Pa."""
-    interval = symbol("array", "rest_axis", "", p.dim + 2)
-    tables = (_array("rest_weight"), _array("rest_pressure"))
-    return call(rest_pressure_at, (height_of(p), interval, *tables))
-
-
 class Weight(Law):
     """Gravity, and the gradient of the pressure at rest."""
 
     def finish(self, i: Any, sums: Any) -> Adds:
         """f_i − w(s_i) e/ρ_i, in m/s²."""
-        gravity = [symbol("array", "gravity", "", d) for d in range(i.dim)]
-        axis = [symbol("array", "rest_axis", "", d) for d in range(i.dim)]
-        lift = rest_weight_of(i) * i.specific_volume
-        return {"a": Vector.of("gravity", gravity) - lift * Vector.of("axis", axis)}
+        return {"a": i.gravity - (i.rest_weight * i.specific_volume) * i.rest_direction}
+
+
+def _array(name: str) -> Any:
+    return symbol("array", name)
+
+
+def _interval(p: Any) -> Any:
+    return symbol("array", "rest_axis", "", p.dim + 2)
+
+
+def _place(p: Any) -> Any:
+    """s of a particle, in intervals of the table."""
+    return call(rest_height, (p.index, _array("x"), _array("rest_axis"), p.dim))
+
+
+def _direction(p: Any) -> Vector:
+    return Vector.of("e", [symbol("array", "rest_axis", "", d) for d in range(p.dim)])
+
+
+def _pressure(p: Any) -> Any:
+    tables = (_array("rest_weight"), _array("rest_pressure"))
+    return call(rest_pressure_at, (_place(p), _interval(p), *tables))
+
+
+#: What laws read of a fluid at rest: s in m (from where the table begins), w in Pa/m, P^H in Pa, e.
+AT_REST = {
+    "rest_height": lambda p: _place(p) * _interval(p),
+    "rest_weight": lambda p: call(rest_weight_at, (_place(p), _array("rest_weight"))),
+    "rest_pressure": _pressure,
+    "rest_direction": _direction,
+}

@@ -15,7 +15,6 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 from particell.compute.expressions import Number, Vector, sqrt
-from particell.errors import InputError
 
 #: What a law adds, by the name of a field or of one of its own sums.
 Adds = Mapping[str, Any]
@@ -44,23 +43,6 @@ class Law:
         ``sums`` has the law's :attr:`own` ones as attributes.
         """
         return {}
-
-
-def check_laws(laws: Any) -> None:
-    """Refuse what is no law.
-
-    Raises
-    ------
-    InputError
-        Where ``laws`` is no sequence of :class:`Law`.
-    """
-    wrong = [law for law in laws if not isinstance(law, Law)] if _is_sequence(laws) else [laws]
-    if wrong:
-        raise InputError("more", wrong[0], "laws: instances of classes derived from Law")
-
-
-def _is_sequence(values: Any) -> bool:
-    return isinstance(values, tuple | list)
 
 
 class Values:

@@ -16,16 +16,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from particell.compute.expressions import Number, call, symbol, where
-from particell.kernels import power, shape_w
+from particell.compute.expressions import where
 from particell.laws.continuity import HeadOfRest
 from particell.laws.law import Adds, Law
-
-
-def own_kernel(i: Any, kernel: int) -> Number:
-    """W at distance zero, in 1/m^D."""
-    scale = symbol("number", "alpha") / call(power, (i.support, i.dim))
-    return scale * call(shape_w, (0.0, kernel))
 
 
 @dataclass(frozen=True)
@@ -34,13 +27,10 @@ class SummedDensity(Law):
 
     Attributes
     ----------
-    kernel
-        The kernel's code.
     contrast
         Whether reference densities differ: masses are then those of the fluid of i.
     """
 
-    kernel: int
     contrast: bool = False
 
     own = ("total",)
@@ -52,7 +42,7 @@ class SummedDensity(Law):
 
     def finish(self, i: Any, sums: Any) -> Adds:
         """With what the particle itself adds, over s."""
-        return {"density": (sums.total + i.mass * own_kernel(i, self.kernel)) / i.density_sum}
+        return {"density": (sums.total + i.mass * i.own_kernel) / i.density_sum}
 
 
 class KernelSum(Law):
@@ -72,15 +62,12 @@ class DensityFilter(Law):
 
     Attributes
     ----------
-    kernel
-        The kernel's code.
     several
         Whether there are several fluids, each of which is filtered by itself.
     head
         Of a fluid at rest.
     """
 
-    kernel: int
     several: bool
     head: HeadOfRest | None = None
 
@@ -98,5 +85,5 @@ class DensityFilter(Law):
 
     def finish(self, i: Any, sums: Any) -> Adds:
         """With what the particle itself adds."""
-        own = own_kernel(i, self.kernel)
+        own = i.own_kernel
         return {"density_half": (sums.above + i.mass * own) / (sums.below + i.volume * own)}

@@ -11,9 +11,10 @@ import numpy as np
 from particell.boundaries.wall_friction import FREE, slowed
 from particell.compute.expressions import Vector, call, symbol
 from particell.compute.sweep import Sweep
+from particell.kernels import power, shape_w
 from particell.laws.continuity import Continuity, DensityDiffusion, HeadOfRest
 from particell.laws.fluctuations import ThermalNoise
-from particell.laws.hydrostatics import Weight, rest_pressure_of
+from particell.laws.hydrostatics import AT_REST, Weight
 from particell.laws.law import Law
 from particell.laws.pressure import PressureForce
 from particell.laws.shifting import Crowding
@@ -24,7 +25,7 @@ from particell.laws.transport_velocity import (
     TransportContinuity,
 )
 from particell.laws.viscosity import Viscosity
-from particell.laws.wall_pressure import WallPressure, excess_names
+from particell.laws.wall_pressure import WallPressure
 from particell.sources.mobile import ALL, MOBILE, Particles
 from particell.sources.source import Names, Side
 from particell.sources.walls import Walls
@@ -82,7 +83,7 @@ def _shift_velocity(p: Side) -> Vector:
 
 def _pressure_over_square(p: Side) -> Any:
     """P'/(s ρ²): of what a fluid at rest does not have."""
-    return p.pressure_term - rest_pressure_of(p) / (p.density * p.density * p.density_sum)
+    return p.pressure_term - p.rest_pressure / (p.density * p.density * p.density_sum)
 
 
 @dataclass(frozen=True)
@@ -143,8 +144,15 @@ class FlowSweeps:
     def _derived(self, **more: Callable[[Side], Any]) -> Names:
         return replace(self.names, derived={**self.names.derived, **more})
 
+    def _own_kernel(self, p: Side) -> Any:
+        """W at distance zero, in 1/m^D."""
+        scale = symbol("number", "alpha") / call(power, (p.support, p.dim))
+        return scale * call(shape_w, (0.0, self.kernel))
+
     def _sweep(self, name: str, laws: list[Law], sources: list[Any], **options: Any) -> Sweep:
-        options = {"names": self.names, **options}
+        names = options.pop("names", self.names)
+        known = {**AT_REST, "own_kernel": self._own_kernel, **names.derived}
+        options["names"] = replace(names, derived=known)
         return Sweep(
             name,
             tuple(laws),
@@ -198,7 +206,7 @@ class FlowSweeps:
 
     def summed_density(self) -> Sweep:
         """Density from the arrangement."""
-        return self._sweep("summed_density", [SummedDensity(self.kernel, self.contrast)], [ALL])
+        return self._sweep("summed_density", [SummedDensity(self.contrast)], [ALL])
 
     def kernel_sums(self) -> Sweep:
         """The kernel's second moment, of walls too."""
@@ -210,7 +218,6 @@ class FlowSweeps:
             "wall_pressure",
             [WallPressure(self.moving)],
             [MOBILE],
-            names=self._derived(**excess_names()),
             targets="walls",
         )
 
@@ -236,6 +243,4 @@ class FlowSweeps:
 
     def density_filter(self) -> Sweep:
         """The density, filtered, as ``density_half``."""
-        return self._sweep(
-            "filtered_density", [DensityFilter(self.kernel, self.several, self.head)], [MOBILE]
-        )
+        return self._sweep("filtered_density", [DensityFilter(self.several, self.head)], [MOBILE])

@@ -19,7 +19,7 @@ from particell.compute.device import Device
 from particell.compute.neighbours import NeighbourList
 from particell.errors import InputError
 from particell.geometry.domain import Domain
-from particell.laws.law import Law, check_laws
+from particell.laws.law import Law
 from particell.materials import Fluid
 from particell.particles import Particles
 from particell.schemes.checks import check_choice, check_kernel
@@ -101,7 +101,6 @@ class SDPD:
             # thermal motion separates neighbours that a flow keeps together
             object.__setattr__(self, "skin", 0.3 if self.fluctuations else 0.1)
         check_kernel(self.kernel, self.support)
-        check_laws(self.more)
         check_choice("integrator", self.integrator, INTEGRATORS)
         check_choice("density", self.density, DENSITIES)
         check_choice("noise", self.noise, NOISES)

@@ -18,6 +18,7 @@ from particell.boundaries.wall_friction import (
 from particell.compute.device import Device
 from particell.compute.neighbours import NeighbourList
 from particell.compute.philox import PAIR_NOISE, VELOCITY_SPREAD, stream_key
+from particell.compute.sweep import Sweep
 from particell.errors import InputError
 from particell.geometry.domain import Domain
 from particell.kernels import kernel_code, normalisation
@@ -228,6 +229,8 @@ class SDPDSolver:
                 self.dim,
                 {k: s[1] if len(s) > 1 else 0 for k, s in shapes.items()},
                 {k: isinstance(v, np.ndarray) for k, v in tables.items()},
+                numbers=frozenset({"inverse_dt", "half_step", "lead"}),
+                vectors=frozenset({"gravity"}),
             ),
             kernel=kernel_code(scheme.kernel),
             uniform=bool(self.neighbours.constants["UNIFORM"]),
@@ -249,6 +252,35 @@ class SDPDSolver:
             more=tuple(scheme.more),
         )
 
+    def descriptions(self) -> list[Sweep]:
+        """The sweeps that steps are made of."""
+        made = self.sweeps()
+        found = [made.density_rates()] if self.leapfrog else []
+        if self.trapezoidal:
+            found.append(made.forces(density=not self.summation))
+        if self.summation:
+            found.append(made.summed_density())
+        if self.walls:
+            found.append(made.wall_pressure())
+        if self.scheme.normalise_viscosity:
+            found.append(made.kernel_sums())
+        return [*found, made.forces()]
+
+    def bound(self, sweep: Sweep) -> Any:
+        """A sweep over the particles and the list that there are now."""
+        fields = {**self.constants, **self.neighbours.fields, **self.particles.fields}
+        fields.setdefault("transport", fields["v"])
+        given = {**fields, **tables_of(self.tables, self.fluids)}
+        return sweep.bind(self.device, given, self._scratch)
+
+    def sum_density(self, n: int) -> None:
+        """Density from the arrangement."""
+        self._run["summed_density"](n)
+
+    def wall_pressure(self, n: int) -> None:
+        """Pressure of walls from the fluid's."""
+        self._run["wall_pressure"](n)
+
     @staticmethod
     def _keeps_volume(scheme: Any) -> bool | None:
         """See :class:`.KeptVolume`; without shifting what keeps particles apart is their pressure.
@@ -262,25 +294,9 @@ class SDPDSolver:
         fields = {**self.constants, **self.neighbours.fields, **self.particles.fields}
         fields.setdefault("transport", fields["v"])
         bind, dim = self.device.bind, {"DIM": self.dim}
-        tables = tables_of(self.tables, self.fluids)
-        made = self.sweeps()
-
-        def sweep(description: Any) -> Any:
-            return description.bind(self.device, {**fields, **tables}, self._scratch)
-
+        self._run = {sweep.name: self.bound(sweep) for sweep in self.descriptions()}
         if self.leapfrog:
-            self._density_rates = sweep(made.density_rates())
             self.predict_density = bind(updates.predict_density, fields)
-        self._forces = sweep(made.forces())
-        if self.trapezoidal:
-            self._all_rates = sweep(made.forces(density=not self.summation))
-        if self.summation:
-            self.sum_density = sweep(made.summed_density())
-        if self.walls:
-            self.wall_pressure = sweep(made.wall_pressure())
-        if self.scheme.normalise_viscosity:
-            self._kernel_sums = sweep(made.kernel_sums())
-        self._sweep, self._made = sweep, made
         held = {"HELD": self.held}
         self.kick = bind(updates.kick, fields, **dim, **held)
         if self.spreads:
@@ -420,20 +436,20 @@ class SDPDSolver:
     def density_rates(self, step: int, dt: float) -> None:
         """Density rate at the half step (velocity-Verlet)."""
         self.before_pairs()
-        self._density_rates(self.n)
+        self._run["density_rates"](self.n)
 
     def accelerate(self, step: int, dt: float) -> None:
         """Acceleration; ``dt`` scales the noise."""
         self._before_forces()
-        self._forces(self.n, **self._numbers(step, dt))
+        self._run["forces"](self.n, **self.numbers(step, dt))
         self.after_forces()
 
     def _before_forces(self) -> None:
         self.before_pairs()
         if self.scheme.normalise_viscosity:
-            self._kernel_sums(self.n)
+            self._run["kernel_sums"](self.n)
 
-    def _numbers(self, step: int, dt: float) -> dict[str, float]:
+    def numbers(self, step: int, dt: float) -> dict[str, float]:
         """What forces depend on besides fields."""
         lead = {"half_step": 0.5 * dt, "lead": self._lead(dt)}
         return {"step": step, "inverse_dt": 1.0 / dt, **lead}
@@ -454,5 +470,5 @@ class SDPDSolver:
     def rates(self, step: int, dt: float) -> None:
         """Density rate (unless it is summed) and acceleration in one sweep."""
         self._before_forces()
-        self._all_rates(self.n, **self._numbers(step, dt))
+        self._run["rates"](self.n, **self.numbers(step, dt))
         self.after_forces()

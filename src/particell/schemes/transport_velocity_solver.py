@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from particell.boundaries.wall_friction import FREE
 from particell.compute.device import Device
 from particell.compute.neighbours import NeighbourList
+from particell.compute.sweep import Sweep
 from particell.errors import InputError
 from particell.geometry.domain import Domain
 from particell.materials import Fluid
@@ -65,12 +66,16 @@ class TransportVelocitySolver(SDPDSolver):
     def _bind_loops(self) -> None:
         super()._bind_loops()
         fields = {**self.constants, **self.neighbours.fields, **self.particles.fields}
-        made, scheme = self._made, self.scheme
-        self._flux_rates = self._sweep(made.flux_rates(scheme.renormalise, scheme.momentum_flux))
         self._add_flux = self.device.bind(
             updates.kick, {**fields, "a": fields["flux"]}, DIM=self.dim, HELD=FREE
         )
-        self._filter = self._sweep(made.density_filter())
+
+    def descriptions(self) -> list[Sweep]:
+        """See :meth:`.SDPDSolver.descriptions`; fluxes half-way, and the filter."""
+        made, scheme = self.sweeps(), self.scheme
+        found = [s for s in super().descriptions() if s.name != "density_rates"]
+        flux = made.flux_rates(scheme.renormalise, scheme.momentum_flux)
+        return [flux, made.density_filter(), *found]
 
     def step(self, step: int, dt: float) -> None:
         """Kick, drift, kick with two sweeps: fluxes half-way, forces at the end of the drift.
@@ -102,7 +107,7 @@ class TransportVelocitySolver(SDPDSolver):
     def density_rates(self, step: int, dt: float) -> None:
         """Density rate and flux of momentum at the half step."""
         self.before_pairs()
-        self._flux_rates(self.n, half_step=0.5 * dt)
+        self._run["flux_rates"](self.n, half_step=0.5 * dt)
 
     def carry_species(self, step: int, dt: float) -> None:
         """Called at the half step (what the shift carries of species)."""
@@ -111,6 +116,6 @@ class TransportVelocitySolver(SDPDSolver):
         """Smooth the fluid's density; pressure, volume and walls follow."""
         p = self.particles
         self.device.copy(p["density"], p["density_half"])  # walls keep theirs
-        self._filter(self.n)
+        self._run["filtered_density"](self.n)
         self.device.copy(p["density_half"], p["density"])
         self._thermodynamics(0.0)

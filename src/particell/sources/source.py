@@ -32,6 +32,8 @@ class Names:
         Fields with their number of components; 0 for a number a particle.
     tables
         Properties by group; those that are the same for all groups have a number.
+    numbers, vectors
+        What is the same for all particles: numbers, and arrays of one number an axis.
     derived
         Values made of others, by a function of the particle.
     """
@@ -39,10 +41,15 @@ class Names:
     dim: int
     fields: Mapping[str, int]
     tables: Mapping[str, bool] = field(default_factory=dict)
+    numbers: frozenset[str] = frozenset()
+    vectors: frozenset[str] = frozenset()
     derived: Mapping[str, Callable[[Side], Any]] = field(default_factory=dict)
 
+    def _all(self) -> set[str]:
+        return {*self.fields, *self.tables, *self.numbers, *self.vectors, *self.derived}
+
     def __contains__(self, name: str) -> bool:
-        return name in self.fields or name in self.tables or name in self.derived
+        return name in self._all()
 
     def look(self, name: str, side: Side, derived: bool = True) -> Any:
         """A value of a particle, as symbols."""
@@ -58,7 +65,11 @@ class Names:
             if self.tables[name]:
                 return symbol("table", name, side.side)
             return symbol("number", name)
-        raise unknown_name("what a law reads", name, {*self.fields, *self.tables, *self.derived})
+        if name in self.numbers:
+            return symbol("number", name)
+        if name in self.vectors:
+            return Vector.of(name, [symbol("array", name, "", d) for d in range(self.dim)])
+        raise unknown_name("what a law reads", name, self._all())
 
 
 class Side:

@@ -1,0 +1,163 @@
+"""What depends on what among the expressions of a plan: of particle i, of j, or of the pair."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from particell.compute.emit import Numbering
+from particell.compute.expressions import Node
+from particell.compute.plan import Pass, Plan
+
+#: What a value depends on.
+NUMBER, OWN, ITS, PAIR = range(4)
+_SIDES = {"": NUMBER, "i": OWN, "j": ITS, "pair": PAIR}
+#: What is not finite, or no number, for some arguments.
+FUNCTIONS = ("call", "sqrt", "log", "exp", "**")
+
+
+class Dependence:
+    """The numbered expressions of a plan, and where each of them can be computed.
+
+    Attributes
+    ----------
+    roots
+        Pass by pass, the numbers of all that it has to compute, by name.
+    record
+        The largest expressions of j alone, and their places in a particle's record.
+    """
+
+    def __init__(self, plan: Plan):
+        self.plan = plan
+        self.numbering = Numbering()
+        self._levels: dict[int, int] = {}
+        self.record: dict[int, int] = {}
+        self.roots = [self._roots(p) for p in plan.passes]
+        for found in self.roots:
+            self._find_packed(found)
+
+    def number(self, value: Any) -> Any:
+        return self.numbering(value) if isinstance(value, Node) else float(value)
+
+    def _roots(self, p: Pass) -> dict[str, tuple[Any, ...]]:
+        """Numbers of all that a pass has to compute."""
+        found = {name: tuple(map(self.number, values)) for name, values in p.sums.items()}
+        found |= {f"stored {name}": (self.number(v),) for name, v in p.stored.items()}
+        if p.support is not None:
+            found["support"] = (self.number(p.support),)
+        return found
+
+    def level(self, number: int) -> int:
+        """Whether a value is of no particle, of i, of j or of the pair."""
+        found = self._levels.get(number)
+        if found is None:
+            node = self.numbering.nodes[number]
+            if node.op == "symbol":
+                found = _SIDES[node.what[2]]
+            else:
+                below = {self.level(k) for k in self.numbering.uses(number)} - {NUMBER}
+                found = NUMBER if not below else below.pop() if len(below) == 1 else PAIR
+            self._levels[number] = found
+        return found
+
+    def is_whole(self, number: int) -> bool:
+        node = self.numbering.nodes[number]
+        return node.op == "symbol" and node.what[1] in self.plan.whole
+
+    def _is_index(self, number: int) -> bool:
+        node = self.numbering.nodes[number]
+        return node.op == "symbol" and node.what[0] == "index"
+
+    def is_early(self, number: int) -> bool:
+        node = self.numbering.nodes[number]
+        if node.op == "item":
+            return self.is_early(self.numbering.uses(number)[0])
+        return node.op == "early" or (node.op == "call" and bool(node.what[2]))
+
+    def split(self, roots: dict[str, tuple[Any, ...]]) -> tuple[list[int], list[int]]:
+        """Of a pass: what is gathered into columns, and what has to be known of i before."""
+        columns: dict[int, None] = {}
+        once: dict[int, None] = {}
+        seen: set[int] = set()
+        waiting = [n for values in roots.values() for n in values if isinstance(n, int)]
+        while waiting:
+            number = waiting.pop(0)
+            if number in seen:
+                continue
+            seen.add(number)
+            node, level = self.numbering.nodes[number], self.level(number)
+            if level in (NUMBER, OWN):
+                once.setdefault(number)
+            elif level == ITS or self.is_early(number) or node.op == "symbol":
+                columns.setdefault(number)
+                if level != ITS and node.op != "symbol":
+                    waiting += self._own_below(number)
+            else:
+                waiting += self.numbering.uses(number)
+        return list(columns), list(once)
+
+    def _own_below(self, number: int) -> list[int]:
+        """What an early value needs of i."""
+        found, waiting, seen = [], self.numbering.uses(number), set()
+        while waiting:
+            below = waiting.pop()
+            if below in seen:
+                continue
+            seen.add(below)
+            if self.level(below) in (NUMBER, OWN):
+                found.append(below)
+            else:
+                waiting += self.numbering.uses(below)
+        return found
+
+    def _find_packed(self, roots: dict[str, tuple[Any, ...]]) -> None:
+        """Give places to the largest expressions of j alone."""
+        seen: set[int] = set()
+        waiting = [n for values in roots.values() for n in values if isinstance(n, int)]
+        while waiting:
+            number = waiting.pop(0)
+            if number in seen:
+                continue
+            seen.add(number)
+            if self.level(number) != ITS:
+                waiting += self.numbering.uses(number)
+            elif not self.is_whole(number) and not self._is_index(number):
+                self.record.setdefault(number, self.plan.dim + len(self.record))
+
+    def mirror(self, number: int) -> int:
+        """The number of the same expression of i instead of j."""
+        made: dict[int, Node] = {}
+        for k in self.numbering.under([number]):
+            node = self.numbering.nodes[k]
+            if node.op == "symbol":
+                kind, name, side, component = node.what
+                side = "i" if side == "j" else side
+                made[k] = Node("symbol", (), (kind, name, side, component))
+            else:
+                args = (made[self.numbering(a)] if isinstance(a, Node) else a for a in node.args)
+                made[k] = Node(node.op, tuple(args), node.what)
+        return self.numbering(made[number])
+
+    def is_offset(self, number: int) -> bool:
+        node = self.numbering.nodes[number]
+        return node.op == "symbol" and node.what[0] == "pair"
+
+    def risky(self, roots: list[Any], columns: list[int]) -> set[int]:
+        """Columns that something is divided by, or that functions are taken of."""
+        found: set[int] = set()
+        waiting = [(n, False) for n in roots if isinstance(n, int)]
+        seen: set[tuple[int, bool]] = set()
+        while waiting:
+            number, danger = waiting.pop()
+            if (number, danger) in seen:
+                continue
+            seen.add((number, danger))
+            if number in columns:
+                if danger:
+                    found.add(number)
+                continue
+            node = self.numbering.nodes[number]
+            uses = self.numbering.uses(number)
+            function = node.op in FUNCTIONS
+            divisor = uses[-1] if node.op == "/" and isinstance(node.args[1], Node) else None
+            waiting += [(k, danger or function or k == divisor) for k in uses]
+        return found

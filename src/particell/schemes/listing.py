@@ -1,0 +1,63 @@
+"""What a simulation's particles obey, in words and as the loops that are made of it."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from particell.compute.sweep import Sweep
+from particell.errors import InputError, unknown_name
+from particell.laws.equation import equations
+from particell.laws.law import Law
+from particell.schemes.sdpd_solver import SDPDSolver
+
+if TYPE_CHECKING:
+    from particell.simulation import Simulation
+
+
+def sweeps_of(simulation: Simulation) -> dict[str, Sweep]:
+    """The sweeps of a simulation's steps, by name.
+
+    Raises
+    ------
+    InputError
+        For particles at rest, which have none.
+    """
+    solver = simulation.solver
+    if not isinstance(solver, SDPDSolver):
+        raise InputError("scheme", "Static", "one in which particles move: no sweeps otherwise")
+    return {sweep.name: sweep for sweep in solver.descriptions()}
+
+
+def describe(simulation: Simulation, written: bool = False) -> Iterator[str]:
+    """Lines: every sweep, its laws (with ``written`` their equations), what they read of j."""
+    for name, sweep in sweeps_of(simulation).items():
+        made = sweep.source()
+        yield f"{name}: {', '.join(sorted(sweep.plan().results))}"
+        width = max(len(type(law).__name__) for law in sweep.laws)
+        for law in sweep.laws:
+            yield f"  {type(law).__name__:{width}}  {first_line(law)}"
+            if written:
+                for result, value in equations(law).items():
+                    yield f"  {'':{width}}    {result} += {value}"
+        yield f"  ({made.record} numbers of a neighbour, {made.columns} columns)"
+
+
+def first_line(law: Law) -> str:
+    """What a law is, from its docstring."""
+    return (inspect.getdoc(type(law)) or "").split("\n")[0]
+
+
+def generated(simulation: Simulation, name: str) -> list[str]:
+    """The lines of the loop that a sweep is.
+
+    Raises
+    ------
+    InputError
+        Where there is no sweep of that name.
+    """
+    sweeps = sweeps_of(simulation)
+    if name not in sweeps:
+        raise unknown_name("sweep", name, sweeps)
+    return sweeps[name].source().text.splitlines()

@@ -191,6 +191,7 @@ ELSEWHERE = {
     "equilibrated",  # it runs a fluid
     "InputError",
     "Interrupted",
+    "Law",
     "LawWarning",
     "RunError",
     "Run",

@@ -18,6 +18,7 @@ from particell.chemistry import fluxes
 from particell.chemistry.network import Tables
 from particell.chemistry.origin import origin
 from particell.chemistry.reservoirs import FREE, HELD, WALL_FLUX, WALL_VALUE
+from particell.compute.batches import batch_buffer
 from particell.compute.device import Device
 from particell.compute.reduce import Reduction
 from particell.laws import carriers as law
@@ -49,8 +50,8 @@ def weight_fields(device: Device, n: int, dim: int, uniform: bool, normalise: bo
     if normalise:
         made = law.tensor_fields(device, n, dim, uniform)
     else:
-        made = {**diffusion.slope_fields(device, n, uniform), "tensor": device.zeros((1, 1))}
-        for name in ("kernel_sum", "near_factor", "near_offset", "near_product"):
+        made = {"tensor": device.zeros((1, 1)), "near_volume": batch_buffer(device, n)}
+        for name in ("near_factor", "near_offset", "near_product", "near_square"):
             made[name] = device.zeros(1)
     made["row_rate"] = device.zeros(n, np.float64)
     made["negative"] = device.zeros(n, np.int64)
@@ -92,6 +93,7 @@ class Exchange:
         }
         self._scale = np.zeros(len(codes))
         self._reduction = Reduction(device)
+        self._scratch: dict[str, Any] = {}
 
     def bind(
         self,
@@ -109,7 +111,8 @@ class Exchange:
         if normalise:
             self._slopes = bind(law.carrier_tensors, f, **shape)
         else:
-            self._slopes = bind(diffusion.pair_slopes, f, **shape, SUM=False, KEEP=True)
+            slopes = diffusion.pair_slopes(dim, shape["KERNEL"], shape["UNIFORM"])
+            self._slopes = slopes.bind(self.device, f, self._scratch)
         weights = {
             "DIM": dim,
             "NORMALISE": normalise,

@@ -30,19 +30,17 @@ J. Comput. Phys. 136 (1997) 214 (the wall's values).
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
-import numpy as np
 from numba import njit
 
 from particell.boundaries.wall import CLOSEST, extrapolation, surface_distance
-from particell.compute.batches import batch_buffer, batch_row
-from particell.compute.device import Device
 from particell.compute.loop import FASTMATH, particle_loop
 from particell.compute.rounding import nearest_integer
-from particell.kernels import power, shape_f
-from particell.laws.pairs import image_offset
+from particell.compute.sweep import Sweep
+from particell.laws.law import Adds, Law
+from particell.sources.mobile import ALL
+from particell.sources.source import Names
 
 #: Steps are limited to this many h²/κ. Where that is not stable (:mod:`.chemistry.exchange`), the
 #: explicit exchange of concentrations is divided.
@@ -100,81 +98,26 @@ def exchange_velocity(transfer, diffusivity, distance):
     return transfer * diffusivity / (diffusivity + transfer * distance)
 
 
-def slope_fields(device: Device, n: int, uniform: bool) -> dict[str, Any]:
-    """The batch that :func:`pair_slopes` needs for n particles, by argument name."""
-    return {
-        "near_square": batch_buffer(device, n),
-        "near_volume": batch_buffer(device, n),
-        "near_reach": batch_buffer(device, 0 if uniform else n),
-    }
+class PairSlope(Law):
+    """F_ij of all neighbours, which is kept."""
+
+    def pair(self, i: Any, j: Any, ij: Any) -> Adds:
+        """−W'/r, in 1/m^(D+2)."""
+        return {"exchange": ij.F}
 
 
-@particle_loop(vectorise=True)
-def pair_slopes(
-    i,
-    x,
-    support,
-    volume,
-    start,
-    stop,
-    neighbours,
-    crosses,
-    period,
-    inverse_period,
-    alpha,
-    near_square,
-    near_volume,
-    near_reach,
-    kernel_sum,
-    exchange,
-    *,
-    DIM,
-    KERNEL,
-    UNIFORM,
-    BATCH,
-    SUM,
-    KEEP,
-):
-    """F_ij of all neighbours, walls included.
-
-    With ``KEEP`` in ``exchange`` along row i; with ``SUM`` their n_i = (1/D) Σ V_j F_ij r_ij² in
-    ``kernel_sum``. The batch (:mod:`particell.compute.batches`) holds r_ij², V_j and h_ij.
-    """
-    h = support[i]
-    scale = alpha / (power(h, DIM) * h * h)
-    inverse = 1.0 / h
-    wraps = crosses[i] != 0
-    total = 0.0
-    row = batch_row(i) * np.uint64(BATCH)
-    begin, last = np.uint64(start[i]), np.uint64(stop[i])
-    while begin < last:
-        end = min(last, begin + np.uint64(BATCH))
-        c = row
-        for k in range(begin, end):
-            j = neighbours[k]
-            r2 = 0.0
-            for d in range(DIM):
-                r = image_offset(x, i, j, d, wraps, period, inverse_period)
-                r2 += r * r
-            near_square[c] = r2
-            if SUM:
-                near_volume[c] = volume[j]
-            if not UNIFORM:
-                near_reach[c] = 0.5 * (support[i] + support[j])
-            c += np.uint64(1)
-        for q in range(row, c):
-            r2 = near_square[q]
-            if not UNIFORM:
-                inverse = 1.0 / near_reach[q]
-                scale = alpha * power(inverse, DIM) * inverse * inverse
-            f = scale * shape_f(math.sqrt(r2) * inverse, KERNEL)
-            if SUM:
-                total += near_volume[q] * f * r2
-            if KEEP:
-                exchange[begin + (q - row)] = f
-        begin = end
-    if SUM:
-        kernel_sum[i] = total / DIM
+def pair_slopes(dim: int, kernel: int, uniform: bool) -> Sweep:
+    """F_ij of all neighbours, walls included, along row i of ``exchange``."""
+    return Sweep(
+        "pair_slopes",
+        (PairSlope(),),
+        (ALL,),
+        Names(dim, {"x": dim, "support": 0}),
+        kernel,
+        uniform,
+        targets="all",
+        stored=("exchange",),
+    )
 
 
 @particle_loop

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from particell.compute.expressions import Vector, where
-from particell.sources.source import Pair, Side, difference
+from particell.compute.expressions import where
+from particell.sources.source import Pair, Side
 
 
 @dataclass(frozen=True)
@@ -30,11 +30,10 @@ class Particles:
 
     def see(self, i: Side, j: Side, kernel: int, uniform: bool) -> tuple[Side, Side, Pair]:
         """i, j and the pair as laws see them."""
-        velocity: Vector = difference("v", getattr(i, self.velocity), getattr(j, self.velocity))
         if self.jumps:
             same = j.equation.equals(i.equation)
             j = j.replace(density=where(same, j.density, i.density))
-        return i, j, Pair(i, j, kernel, uniform, velocity)
+        return i, j, Pair(i, j, kernel, uniform, self.velocity)
 
 
 MOBILE = Particles()

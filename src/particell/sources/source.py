@@ -136,7 +136,7 @@ class Pair:
         j: Side,
         kernel: int,
         uniform: bool,
-        velocity: Vector | None = None,
+        velocity: Vector | str = "v",
         wall: bool = False,
         extrapolation: Number = 1.0,
     ):
@@ -149,9 +149,9 @@ class Pair:
     @cached_property
     def v(self) -> Vector:
         """See the class."""
-        if self._velocity is not None:
+        if isinstance(self._velocity, Vector):
             return self._velocity
-        return difference("v", self.i.v, self.j.v)
+        return difference("v", getattr(self.i, self._velocity), getattr(self.j, self._velocity))
 
     @cached_property
     def square(self) -> Number:

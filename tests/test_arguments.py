@@ -16,6 +16,7 @@ import particell as pc
 from particell.checks import checked
 from particell.errors import LONGEST_VALUE, InputError, shown
 from particell.geometry.fill import around, arranged
+from particell.laws.shifting import Crowding
 from systems import unit_fluid
 
 BOX = pc.Domain((0, 0), (8, 8), periodic="x", depth=1.0)
@@ -87,6 +88,7 @@ EXAMPLES = {
         "shifting": 0.1,
         "skin": 0.1,
         "impenetrable": True,
+        "more": [Crowding()],
     },
     pc.Simulation: {
         "domain": BOX,
@@ -157,6 +159,7 @@ EXAMPLES = {
         "normalise_viscosity": True,
         "species_flux": False,
         "skin": 0.1,
+        "more": [Crowding()],
     },
     pc.WallMotion: {
         "group": "w",

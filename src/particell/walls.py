@@ -99,6 +99,7 @@ class Walls:
             particles.add("wall_distance", values=np.full(len(particles), np.inf))
         self._rows: Any = None
         self._place: Any = None
+        self._scratch: dict[str, Any] = {}
 
     def _motions(self, motions: list[WallMotion]) -> dict[str, WallMotion]:
         s = self.simulation
@@ -133,7 +134,9 @@ class Walls:
         if self.turns_back:
             self._turn_back = bind(turn_back, fields, **options)
         if self.measures:
-            self._measure = bind(measure_walls, fields, **options)
+            uniform = bool(s.neighbours.constants["UNIFORM"])
+            sweep = measure_walls(options["DIM"], options["KERNEL"], uniform)
+            self._measure = sweep.bind(s.device, fields, self._scratch)
         if self.bounces:
             self._bounce_back = bind(bounce_back, fields, **options)
 

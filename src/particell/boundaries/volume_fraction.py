@@ -50,13 +50,19 @@ from __future__ import annotations
 
 import functools
 import math
+from typing import Any
 
 import numpy as np
 from numba import njit
 
+from particell.compute.expressions import Vector, call, sqrt, symbol, where
 from particell.compute.loop import FASTMATH, compiled, particle_loop
-from particell.kernels import kernel_code, normalisation, power, shape_f, shape_w
+from particell.compute.sweep import Sweep
+from particell.kernels import kernel_code, normalisation, power, shape_w
+from particell.laws.law import Adds, Law
 from particell.laws.pairs import image_offset
+from particell.sources.mobile import Particles
+from particell.sources.source import Names
 
 #: The volume fraction on a plane wall, from which on a particle is bounced back.
 SURFACE = 0.5
@@ -150,73 +156,40 @@ def profile_distance(fraction, profile):
     return 2.0 * (low + part) / (len(profile) - 1) - 1.0
 
 
-@particle_loop
-def measure_walls(
-    i,
-    x,
-    is_wall,
-    group,
-    volume,
-    support,
-    split,
-    stop,
-    neighbours,
-    crosses,
-    period,
-    inverse_period,
-    alpha,
-    by_fraction,
-    profile,
-    wall_fraction,
-    wall_direction,
-    wall_distance,
-    *,
-    DIM,
-    KERNEL,
-):
-    """φ, e and d of fluid particle i over the walls of the groups marked in ``by_fraction``."""
-    if is_wall[i]:
-        return
-    fraction, gx, gy, gz = 0.0, 0.0, 0.0, 0.0
-    wraps = crosses[i] != 0
-    for k in range(split[i], stop[i]):
-        j = neighbours[k]
-        if by_fraction[group[j]] == 0:
-            continue
-        sx = image_offset(x, i, j, 0, wraps, period, inverse_period)
-        sy = image_offset(x, i, j, 1, wraps, period, inverse_period) if DIM > 1 else 0.0
-        sz = image_offset(x, i, j, 2, wraps, period, inverse_period) if DIM > 2 else 0.0
-        h = 0.5 * (support[i] + support[j])
-        q = math.sqrt(sx * sx + sy * sy + sz * sz) / h
-        weight = volume[j] * alpha / power(h, DIM)
-        fraction += weight * shape_w(q, KERNEL)
-        f = weight * shape_f(q, KERNEL) / (h * h)
-        gx += f * sx
-        gy += f * sy
-        gz += f * sz
-    wall_fraction[i] = fraction
-    wall_distance[i] = support[i] * profile_distance(fraction, profile)
-    size = math.sqrt(gx * gx + gy * gy + gz * gz)
-    if fraction == 0.0 or size == 0.0:
-        for d in range(DIM):
-            wall_direction[i, d] = 0.0
-        return
-    if fraction >= SURFACE:
-        before = wall_direction[i, 0] * gx
-        known = wall_direction[i, 0] != 0.0
-        if DIM > 1:
-            before += wall_direction[i, 1] * gy
-            known = known or wall_direction[i, 1] != 0.0
-        if DIM > 2:
-            before += wall_direction[i, 2] * gz
-            known = known or wall_direction[i, 2] != 0.0
-        if known and (before < 0.0 or size * support[i] < FLAT):
-            return
-    wall_direction[i, 0] = gx / size
-    if DIM > 1:
-        wall_direction[i, 1] = gy / size
-    if DIM > 2:
-        wall_direction[i, 2] = gz / size
+class WallMeasure(Law):
+    """φ, e and d of a fluid particle, over the walls that are known by their particles alone."""
+
+    own = ("fraction", "gradient")
+
+    def pair(self, i: Any, j: Any, ij: Any) -> Adds:
+        """V_j W, and V_j F x_ij."""
+        volume = where(j.by_fraction > 0.0, j.volume, 0.0)
+        return {"fraction": volume * ij.W, "gradient": (volume * ij.F) * ij.x}
+
+    def finish(self, i: Any, sums: Any) -> Adds:
+        """The direction stays inside walls where the gradient is small or turns round."""
+        phi, gradient, old = sums.fraction, sums.gradient, i.wall_direction
+        size = sqrt(gradient.dot(gradient))
+        near = (phi > 0.0) & (size > 0.0)
+        unclear = (old.dot(gradient) < 0.0) | (size * i.support < FLAT)
+        stays = (phi >= SURFACE) & ((old.dot(old) > 0.0) & unclear)
+        inverse = 1.0 / where(near, size, 1.0)
+        parts = zip(gradient.parts(i.dim), old.parts(i.dim), strict=True)
+        direction = [where(near, where(stays, o, g * inverse), 0.0) for g, o in parts]
+        profile = symbol("array", "profile")
+        return {
+            "wall_fraction": phi,
+            "wall_distance": i.support * call(profile_distance, (phi, profile)),
+            "wall_direction": Vector.of("direction", direction),
+        }
+
+
+def measure_walls(dim: int, kernel: int, uniform: bool) -> Sweep:
+    """φ, e and d of fluid particles over the walls of the groups marked in ``by_fraction``."""
+    fields = {"x": dim, "support": 0, "volume": 0, "wall_fraction": 0, "wall_distance": 0}
+    names = Names(dim, {**fields, "wall_direction": dim}, {"by_fraction": True})
+    walls = Particles(first="split", last="stop")
+    return Sweep("measure_walls", (WallMeasure(),), (walls,), names, kernel, uniform)
 
 
 @njit(error_model="numpy", fastmath=FASTMATH)

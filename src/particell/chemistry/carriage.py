@@ -12,7 +12,6 @@ from particell.compute.philox import CARRIAGE, stream_key
 from particell.compute.reduce import Reduction
 from particell.compute.threads import available_threads
 from particell.errors import InputError
-from particell.kernels import kernel_code, normalisation
 from particell.laws import species_flux
 
 if TYPE_CHECKING:
@@ -74,21 +73,19 @@ class Carriage:
             self._rows = rows
             self._bind(len(rows))
         n = len(self.simulation.particles)
-        self._pair_shifts(n, 0.5 * dt)
+        self._pair_shifts(n, half_step=0.5 * dt)
         for kind in self._kinds:
             kind.apply(n, step, dt)
 
     def _bind(self, pairs: int) -> None:
         s, device = self.simulation, self.simulation.device
-        kernel, dim = kernel_code(s.scheme.kernel), s.domain.dim
-        fields = {
-            **s.neighbours.fields,
-            **s.particles.fields,
+        shifts = {
             "own_shift": device.zeros(pairs, np.float64),
             "its_shift": device.zeros(pairs, np.float64),
-            "alpha": normalisation(kernel, dim),
         }
-        self._pair_shifts = device.bind(species_flux.pair_shifts, fields, DIM=dim, KERNEL=kernel)
+        fields = {**s.neighbours.fields, **s.particles.fields, **shifts}
+        solver: Any = s.solver
+        self._pair_shifts = solver.bound(solver.sweeps().pair_shifts(), **shifts)
         for kind in self._kinds:
             kind.bind(fields)
 

@@ -13,7 +13,7 @@ from particell.compute.expressions import Node
 #: Where a value is known: of no particle, of particle i, of a pair when it is gathered, in vectors.
 NUMBER, OWN, GATHERED, PAIR = range(4)
 
-_INFIX = {"+", "-", "*", "/", "<", "<=", ">", ">=", "==", "!="}
+_INFIX = {"+", "-", "*", "/", "<", "<=", ">", ">=", "==", "!=", "and", "or"}
 _CALLS = {"max": "max", "min": "min"}
 _CALLS |= {name: f"math.{name}" for name in ("sqrt", "exp", "log", "sin", "cos", "tanh")}
 

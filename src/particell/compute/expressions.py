@@ -92,6 +92,12 @@ class Node:
     def __ge__(self, other: Number) -> Number:
         return _binary(">=", self, other)
 
+    def __and__(self, other: Number) -> Number:
+        return Node("and", (self, other))
+
+    def __or__(self, other: Number) -> Number:
+        return Node("or", (self, other))
+
     def equals(self, other: Number) -> Number:
         """Whether both are equal, of each particle or pair (``==`` compares nodes)."""
         return _binary("==", self, other)

@@ -26,18 +26,17 @@ thesis, UCSB 2020.
 
 from __future__ import annotations
 
-import math
+from typing import Any
 
 from numba import njit
 
 from particell.compute.loop import particle_loop
-from particell.kernels import power, shape_f
-from particell.laws.pairs import image_offset
+from particell.laws.law import Adds, Law
 
 
 @njit
 def species_flux(own_shift, its_shift, own_content, its_content):
-    """The pair's part of dn_i/dt; shifts as in :func:`pair_shifts`, contents are C' of i and j."""
+    """The pair's part of dn_i/dt; shifts as in :class:`PairShifts`, contents are C' of i and j."""
     return -(own_content * own_shift + its_content * its_shift)
 
 
@@ -57,48 +56,14 @@ def deviations(i, mass, volume, amount, mean, deviation, *, COLUMNS):
         deviation[i, s] = (amount[i, s] - mean[s] * mass[i]) / volume[i]
 
 
-@particle_loop
-def pair_shifts(
-    i,
-    x,
-    v,
-    flux,
-    transport,
-    volume,
-    support,
-    start,
-    split,
-    neighbours,
-    crosses,
-    period,
-    inverse_period,
-    alpha,
-    own_shift,
-    its_shift,
-    half_step,
-    *,
-    DIM,
-    KERNEL,
-):
-    """V_i V_j F_ij δv·x_ij along row i, with δv of particle i and of its neighbour.
+class PairShifts(Law):
+    """V_i V_j F_ij δv·x_ij with δv of the particle and of its neighbour, which are kept."""
 
-    δv is what the transport velocity has besides v and half a step of the momentum's flux.
-    """
-    wraps = crosses[i] != 0
-    for k in range(start[i], split[i]):
-        j = neighbours[k]
-        r2, own, its = 0.0, 0.0, 0.0
-        for d in range(DIM):
-            offset = image_offset(x, i, j, d, wraps, period, inverse_period)
-            r2 += offset * offset
-            own += (transport[i, d] - v[i, d] - half_step * flux[i, d]) * offset
-            its += (transport[j, d] - v[j, d] - half_step * flux[j, d]) * offset
-        inverse = 2.0 / (support[i] + support[j])
-        f = alpha * power(inverse, DIM) * inverse * inverse
-        f *= shape_f(math.sqrt(r2) * inverse, KERNEL)
-        weight = volume[i] * volume[j] * f
-        own_shift[k] = weight * own
-        its_shift[k] = weight * its
+    def pair(self, i: Any, j: Any, ij: Any) -> Adds:
+        """In m^D/s."""
+        weight = i.volume * j.volume * ij.F
+        own, its = i.shift_velocity.dot(ij.x), j.shift_velocity.dot(ij.x)
+        return {"own_shift": weight * own, "its_shift": weight * its}
 
 
 @particle_loop

@@ -18,6 +18,7 @@ from particell.laws.hydrostatics import AT_REST, Weight
 from particell.laws.law import Law
 from particell.laws.pressure import PressureForce
 from particell.laws.shifting import Crowding
+from particell.laws.species_flux import PairShifts
 from particell.laws.sums import DensityFilter, KernelSum, SummedDensity
 from particell.laws.transport_velocity import (
     ConsistentContinuity,
@@ -239,6 +240,13 @@ class FlowSweeps:
             [Particles(jumps=self.parted), *walls],
             names=names,
             zeroed=("density_rate", "flux"),
+        )
+
+    def pair_shifts(self) -> Sweep:
+        """What the shift carries between pairs, which is kept for all species."""
+        names = self._derived(shift_velocity=_shift_velocity, v=_half_way)
+        return self._sweep(
+            "pair_shifts", [PairShifts()], [MOBILE], names=names, stored=("own_shift", "its_shift")
         )
 
     def density_filter(self) -> Sweep:

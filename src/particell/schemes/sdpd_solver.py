@@ -266,9 +266,9 @@ class SDPDSolver:
             found.append(made.kernel_sums())
         return [*found, made.forces()]
 
-    def bound(self, sweep: Sweep) -> Any:
-        """A sweep over the particles and the list that there are now."""
-        fields = {**self.constants, **self.neighbours.fields, **self.particles.fields}
+    def bound(self, sweep: Sweep, **more: Any) -> Any:
+        """A sweep over the particles and the list that there are now, and ``more`` arrays."""
+        fields = {**self.constants, **self.neighbours.fields, **self.particles.fields, **more}
         fields.setdefault("transport", fields["v"])
         given = {**fields, **tables_of(self.tables, self.fluids)}
         return sweep.bind(self.device, given, self._scratch)

@@ -14,7 +14,6 @@ one would by hand, and a scalar product of two bases is computed once.
 from __future__ import annotations
 
 import functools
-import math
 import operator
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -360,8 +359,3 @@ class Symmetric:
 def components(value: Any, dim: int) -> tuple[Number, ...]:
     """A number as one component, a vector's or a tensor's own."""
     return value.parts(dim) if isinstance(value, Vector | Symmetric) else (value,)
-
-
-def is_finite_number(value: Any) -> bool:
-    """Whether a value is a plain, finite number (and not a node)."""
-    return _is_plain(value) and math.isfinite(value)

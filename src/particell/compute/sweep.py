@@ -140,7 +140,11 @@ class Sweep:
         return source_of(self.plan(), form)
 
     def bind(
-        self, device: Device, fields: Mapping[str, Any], scratch: dict[str, Any]
+        self,
+        device: Device,
+        fields: Mapping[str, Any],
+        scratch: dict[str, Any],
+        form: str | None = None,
     ) -> Callable[..., None]:
         """The loop on a device, with its arrays looked up.
 
@@ -152,13 +156,15 @@ class Sweep:
             Arrays and numbers by name; numbers that are missing are given at every call, by name.
         scratch
             Records and columns that sweeps share, since one runs after the other.
+        form
+            ``"gather"`` or ``"cuda"``; that of the device where it is left out.
 
         Returns
         -------
         callable
             ``f(n, **numbers)``.
         """
-        form = "gather" if device.backend == "cpu" else "cuda"
+        form = form or ("gather" if device.backend == "cpu" else "cuda")
         made = self.source(form)
         module = load(self.name, made.text, {})
         n = len(fields["x"])

@@ -14,8 +14,7 @@ from particell.chemistry.reservoirs import FixedValueWall, FluxWall, Reservoir
 from particell.compute.reduce import Reduction
 from particell.errors import InputError, RunError, unknown_name
 from particell.geometry.shapes import Ball
-from particell.kernels import kernel_code
-from particell.laws.buoyancy import Buoyancy, add_buoyancy, add_wall_head
+from particell.laws.buoyancy import Buoyancy, measure_buoyancy
 from particell.materials import AVOGADRO
 
 if TYPE_CHECKING:
@@ -222,7 +221,7 @@ def _target(within: np.ndarray, name: str, values: Any, shape: tuple[int, ...]) 
 
 
 class Forces:
-    """Body forces that depend on what the particles carry; they act after the force sweep."""
+    """Body forces that depend on what particles carry: the field ``buoyancy``, which laws read."""
 
     def __init__(self, simulation: Simulation, forces: Sequence[Buoyancy]):
         self.simulation, self.forces = simulation, list(forces)
@@ -237,35 +236,18 @@ class Forces:
                 raise InputError("gravity", force.gravity, f"{dim} numbers")
         if self.forces:
             simulation.particles.add("buoyancy", dim)
-        self._bound: object = None
+        self._loops: list[Callable[..., None]] | None = None
 
-    def apply(self) -> None:
-        """Add all forces to the particles' accelerations."""
-        self._bind()
-        for add in self._additions:
-            add(len(self.simulation.particles))
-
-    def add_wall_heads(self) -> None:
-        """Add what the forces weigh to the pressure of walls."""
-        self._bind()
-        for add in self._heads:
-            add(len(self.simulation.particles))
-
-    def _bind(self) -> None:
-        """Look up arrays again where those of the neighbour list are new."""
-        simulation = self.simulation
-        listed = simulation.neighbours.fields["neighbours"]
-        if self._bound is listed:
-            return
-        self._bound = listed
-        bind, dim = simulation.device.bind, simulation.domain.dim
-        kernel = kernel_code(simulation.scheme.kernel)
-        self._additions: list[Callable[..., None]] = []
-        self._heads: list[Callable[..., None]] = []
-        for k, force in enumerate(self.forces):
-            values = self._values(force)
-            self._additions.append(bind(add_buoyancy, values, DIM=dim, FIRST=k == 0))
-            self._heads.append(bind(add_wall_head, values, DIM=dim, KERNEL=kernel))
+    def measure(self) -> None:
+        """The sum of all forces at the particles, per mass."""
+        if self._loops is None:
+            bind, dim = self.simulation.device.bind, self.simulation.domain.dim
+            self._loops = [
+                bind(measure_buoyancy, self._values(force), DIM=dim, FIRST=k == 0)
+                for k, force in enumerate(self.forces)
+            ]
+        for loop in self._loops:
+            loop(len(self.simulation.particles))
 
     def _values(self, force: Buoyancy) -> dict[str, Any]:
         simulation = self.simulation
@@ -274,9 +256,7 @@ class Forces:
         whole = chemistry.species[force.species].molecules
         strength = -force.expansion * np.array(force.gravity, dtype=float)
         return {
-            **simulation.neighbours.fields,
             **particles.fields,
-            "density_sum": simulation.solver.constants["density_sum"],  # type: ignore[union-attr]
             "content": particles["count" if whole else "amount"],
             "s": chemistry.column(force.species),
             "scale": 1.0 / (simulation.depth_factor * AVOGADRO) if whole else 1.0,

@@ -176,8 +176,7 @@ class Simulation:
             self.solver.move_walls = self._move_walls  # type: ignore[method-assign]
             self.solver.before_pairs = self.walls.measure  # type: ignore[method-assign]
             acting = Forces(self, forces)
-            self.solver.after_forces = acting.apply  # type: ignore[method-assign]
-            self.solver.after_wall_pressure = acting.add_wall_heads  # type: ignore[method-assign]
+            self.solver.body_forces = acting.measure  # type: ignore[method-assign]
         self.monitor = Monitor(self)
         self.watch = health.Watch(self)
         self.automatic = dt == "auto"

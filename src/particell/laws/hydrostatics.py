@@ -32,6 +32,7 @@ begin, the number of intervals per metre, and their length in m.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 from numba import njit
@@ -71,12 +72,16 @@ def rest_pressure_at(height, interval, rest_weight, rest_pressure):
     return rest_pressure[k] + interval * t * (rest_weight[k] + t * slope)
 
 
+@dataclass(frozen=True)
 class Weight(Law):
-    """Gravity, and the gradient of the pressure at rest."""
+    """Gravity, and the gradient of the pressure at rest; with ``buoyancy`` that force too."""
+
+    buoyancy: bool = False
 
     def finish(self, i: Any, sums: Any) -> Adds:
         """f_i − w(s_i) e/ρ_i, in m/s²."""
-        return {"a": i.gravity - (i.rest_weight * i.specific_volume) * i.rest_direction}
+        force = i.gravity + i.buoyancy if self.buoyancy else i.gravity
+        return {"a": force - (i.rest_weight * i.specific_volume) * i.rest_direction}
 
 
 def _array(name: str) -> Any:

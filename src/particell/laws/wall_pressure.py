@@ -21,15 +21,26 @@ from particell.laws.law import Adds, Law
 
 @dataclass(frozen=True)
 class WallPressure(Law):
-    """Pressure of a wall particle from its fluid neighbours; ``moving`` for walls that move."""
+    """Pressure of a wall particle from its fluid neighbours.
+
+    Attributes
+    ----------
+    moving
+        Whether walls may move.
+    buoyancy
+        Whether there is a body force besides gravity.
+    """
 
     moving: bool
+    buoyancy: bool = False
 
     own = ("total", "weights")
 
     def pair(self, i: Any, j: Any, ij: Any) -> Adds:
         """What a fluid particle j shows the wall particle i."""
         force = i.gravity - i.wall_acceleration if self.moving else i.gravity
+        if self.buoyancy:
+            force = force + j.buoyancy
         rise = (i.rest_height - j.rest_height) * j.rest_weight
         excess = j.pressure - j.rest_pressure - rise + j.density * force.dot(ij.x)
         return {"total": ij.W * excess, "weights": ij.W}

@@ -114,6 +114,8 @@ class FlowSweeps:
         The law of the density's diffusion, if any.
     head
         Of a fluid at rest.
+    buoyancy
+        Whether there is a body force that depends on species.
     several, parted
         Whether there is more than one group of fluid, and with other equations of state.
     contrast
@@ -137,6 +139,7 @@ class FlowSweeps:
     shift: bool
     diffusion: DensityDiffusion | None
     head: HeadOfRest | None
+    buoyancy: bool
     several: bool
     parted: bool
     contrast: bool
@@ -172,7 +175,7 @@ class FlowSweeps:
             laws.append(ThermalNoise(self.viscosity, self.gaussian))
         if self.shift:
             laws.append(Crowding())
-        return [*laws, *self.more, Weight()]
+        return [*laws, *self.more, Weight(self.buoyancy)]
 
     def density_rates(self) -> Sweep:
         """The density's rate half-way through a step."""
@@ -217,7 +220,7 @@ class FlowSweeps:
         """Pressure of walls."""
         return self._sweep(
             "wall_pressure",
-            [WallPressure(self.moving)],
+            [WallPressure(self.moving, self.buoyancy)],
             [MOBILE],
             targets="walls",
         )

@@ -247,6 +247,7 @@ class SDPDSolver:
             shift=self.shifting,
             diffusion=DensityDiffusion(head, self.parted) if scheme.delta > 0 else None,
             head=head,
+            buoyancy=buoyancy,
             several=int(self.fluids.sum()) > 1,
             parted=self.parted,
             more=tuple(scheme.more),
@@ -330,9 +331,6 @@ class SDPDSolver:
         if not self.scheme.fluctuations:
             self.rest.tabulate()
         self.accelerate(step, dt)
-        if "buoyancy" in self.particles and not self.scheme.fluctuations:
-            self.rest.tabulate()  # buoyancy is known now
-            self.accelerate(step, dt)
         if self.shifting:
             self.device.copy(self.particles["shift"], self.particles["shift_before"])
 
@@ -411,11 +409,8 @@ class SDPDSolver:
     def after_drift(self) -> None:
         """Called when positions have reached the end of the step (reflecting surfaces)."""
 
-    def after_forces(self) -> None:
-        """Called when accelerations are known (forces that depend on species)."""
-
-    def after_wall_pressure(self) -> None:
-        """Called when walls have the fluid's pressure (heads of forces that depend on species)."""
+    def body_forces(self) -> None:
+        """Called when volumes are known, before pressures act (forces that depend on species)."""
 
     def _renew_list(self, dt: float) -> None:
         p = self.particles
@@ -429,9 +424,9 @@ class SDPDSolver:
             self.sum_density(self.n)
             dt = 0.0
         self.equation_of_state(self.n, dt)
+        self.body_forces()
         if self.walls:
             self.wall_pressure(self.n)
-            self.after_wall_pressure()
 
     def density_rates(self, step: int, dt: float) -> None:
         """Density rate at the half step (velocity-Verlet)."""
@@ -442,7 +437,6 @@ class SDPDSolver:
         """Acceleration; ``dt`` scales the noise."""
         self._before_forces()
         self._run["forces"](self.n, **self.numbers(step, dt))
-        self.after_forces()
 
     def _before_forces(self) -> None:
         self.before_pairs()
@@ -471,4 +465,3 @@ class SDPDSolver:
         """Density rate (unless it is summed) and acceleration in one sweep."""
         self._before_forces()
         self._run["rates"](self.n, **self.numbers(step, dt))
-        self.after_forces()

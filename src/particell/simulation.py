@@ -284,6 +284,7 @@ class Simulation:
         self._started = True
         begin, compiling = clock.perf_counter(), CompileLog.seconds
         self.walls.move(self.time)
+        self.solver.time = self.time
         self.solver.initialise(self.step, self.dt)
         self.constraints.renew()
         self.monitor.check()
@@ -310,6 +311,7 @@ class Simulation:
         solver, constraints, dt = self.solver, self.constraints, self.dt
         try:
             for _ in range(steps):
+                solver.time = self.time
                 solver.step(self.step, dt)
                 self.walls.bounce_back()
                 constraints.relax(self.step, dt)

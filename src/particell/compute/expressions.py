@@ -312,6 +312,11 @@ class Vector:
         )
 
 
+def vector(*parts: Number) -> Vector:
+    """A vector of given components, one for each dimension."""
+    return Vector.of("vector", parts)
+
+
 class Symmetric:
     """A symmetric tensor: components (p, q) with p ≤ q, row by row."""
 

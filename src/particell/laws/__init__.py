@@ -11,6 +11,7 @@ from particell.compute.expressions import (
     sin,
     sqrt,
     tanh,
+    vector,
     where,
 )
 from particell.laws.law import Law, Values, pair_of
@@ -29,5 +30,6 @@ __all__ = [
     "sin",
     "sqrt",
     "tanh",
+    "vector",
     "where",
 ]

@@ -166,6 +166,7 @@ class SDPDSolver:
             **{name: array(values) for name, values in self.tables.items()},
         }
         self._scratch: dict[str, Any] = {}
+        self.time = 0.0  # at which forces act, in s
         self.held = FREE
         if self.walls:
             self.held = TENSOR if self.radial else ISOTROPIC
@@ -229,7 +230,7 @@ class SDPDSolver:
                 self.dim,
                 {k: s[1] if len(s) > 1 else 0 for k, s in shapes.items()},
                 {k: isinstance(v, np.ndarray) for k, v in tables.items()},
-                numbers=frozenset({"inverse_dt", "half_step", "lead"}),
+                numbers=frozenset({"time", "inverse_dt", "half_step", "lead"}),
                 vectors=frozenset({"gravity"}),
             ),
             kernel=kernel_code(scheme.kernel),
@@ -374,6 +375,7 @@ class SDPDSolver:
             self.move_walls(1.0)
             self.after_drift()
             self._thermodynamics(dt)
+        self.time += dt
         self.accelerate(step + 1, dt)
         self.kick(n, 0.5 * dt)
 
@@ -394,6 +396,7 @@ class SDPDSolver:
         self.predict(n, dt)
         self.move_walls(1.0)
         self._thermodynamics(0.0)
+        self.time += dt
         self.rates(step, dt)
         self.correct(n, dt)
         self.move_walls(1.0)
@@ -446,7 +449,7 @@ class SDPDSolver:
     def numbers(self, step: int, dt: float) -> dict[str, float]:
         """What forces depend on besides fields."""
         lead = {"half_step": 0.5 * dt, "lead": self._lead(dt)}
-        return {"step": step, "inverse_dt": 1.0 / dt, **lead}
+        return {"step": step, "time": self.time, "inverse_dt": 1.0 / dt, **lead}
 
     def _lead(self, dt: float) -> float:
         """How far ahead the friction between fluid particles takes their velocities: 1 is exact.

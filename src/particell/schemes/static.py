@@ -56,6 +56,7 @@ class StaticSolver:
 
     def __init__(self, particles: Particles, neighbours: NeighbourList):
         self.particles, self.neighbours = particles, neighbours
+        self.time = 0.0  # nothing depends on it
 
     def initialise(self, step: int, dt: float) -> None:
         """Build the neighbour list."""

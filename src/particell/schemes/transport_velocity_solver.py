@@ -101,6 +101,7 @@ class TransportVelocitySolver(SDPDSolver):
         every = self.scheme.filter_every
         if every and (step + 1) % every == 0:
             self.filter_density()
+        self.time += dt
         self.accelerate(step + 1, dt)
         self.kick(n, 0.5 * dt)
 

@@ -89,6 +89,7 @@ EXAMPLES = {
         "skin": 0.1,
         "impenetrable": True,
         "more": [Crowding()],
+        "fields": [pc.Field("T")],
     },
     pc.Simulation: {
         "domain": BOX,
@@ -104,6 +105,7 @@ EXAMPLES = {
         "normalise_diffusion": True,
         "splitting": "lie",
     },
+    pc.Field: {"name": "T", "initial": 1.0},
     pc.Species: {
         "name": "A",
         "diffusivity": 1.0,
@@ -160,6 +162,7 @@ EXAMPLES = {
         "species_flux": False,
         "skin": 0.1,
         "more": [Crowding()],
+        "fields": [pc.Field("T")],
     },
     pc.WallMotion: {
         "group": "w",
@@ -206,7 +209,9 @@ ELSEWHERE |= {"Ensemble", "EnsembleInterrupted", "EnsembleRun", "export_vtkhdf"}
 #: Numbers that may be negative (and zero), and that may be zero.
 COORDINATES = {"start", "end", "lower", "upper", "center", "point", "normal", "points", "fixed"}
 COMPONENTS = {"gravity", "velocity", "angular_velocity", "centre", "axis of WallMotion"}
-SIGNED = COORDINATES | COMPONENTS | {"background_pressure", "expansion", "reference", "after"}
+SIGNED = (
+    COORDINATES | COMPONENTS | {"initial", "background_pressure", "expansion", "reference", "after"}
+)
 ZERO = {"viscosity", "bulk_viscosity", "diffusivity", "forward", "density_diffusion", "shifting"}
 ZERO |= {"reference_speed", "pressure_drop", "axis", "inner", "reach", "amplitude", "seed"}
 ZERO |= {"tolerance", "filter_every", "values", "flux", "transfer", "species"}

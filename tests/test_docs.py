@@ -22,6 +22,7 @@ DOCS = Path(__file__).parent.parent / "docs"
 PAGES = [
     DOCS / "first-run.md",
     *sorted((DOCS / "guide").glob("*.md")),
+    DOCS / "howto/field.md",
     DOCS / "howto/force.md",
     DOCS / "howto/law.md",
     DOCS / "howto/species.md",

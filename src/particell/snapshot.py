@@ -27,6 +27,7 @@ def static_frame_of(simulation: Simulation) -> dict[str, np.ndarray]:
 def field_names_of(simulation: Simulation) -> list[str]:
     """What of the particles changes in time, other than positions and what came in."""
     names = ["velocity"] if simulation.static else ["velocity", "density", "pressure"]
+    names += [f.name for f in getattr(simulation.scheme, "fields", ())]
     chemistry = simulation.chemistry
     for name, s in chemistry.species.items() if chemistry else ():
         names += [f"concentration/{name}", f"count/{name}"][: 2 if s.molecules else 1]

@@ -60,8 +60,8 @@ PAIRS = [
     (phases.ParticlesPhase, pc.Phase, {"points": "those of 'fill', of type 'points' too"}),
     (phases.ChannelWalls, pc.channel_walls, DOMAIN),
     (phases.BoxWalls, pc.box_walls, DOMAIN),
-    (schemes.SDPDTable, pc.SDPD, {"more": "code"}),
-    (schemes.TransportVelocityTable, pc.TransportVelocity, {"more": "code"}),
+    (schemes.SDPDTable, pc.SDPD, {"more": "code", "fields": "code"}),
+    (schemes.TransportVelocityTable, pc.TransportVelocity, {"more": "code", "fields": "code"}),
     (
         schemes.StaticTable,
         pc.Static,
@@ -109,7 +109,7 @@ ELSEWHERE = {
         ("InputError", "Interrupted", "RunError", "EnsembleInterrupted"), "exit status"
     ),
     "LawWarning": "a line, and one in the summary",
-    "Law": "code: from a script, as more laws of a scheme",
+    **dict.fromkeys(("Law", "Field"), "code: from a script, as parts of a scheme"),
 }
 
 

@@ -18,6 +18,7 @@ from particell.checks import checked, not_negative
 from particell.compute.device import Device
 from particell.compute.neighbours import NeighbourList
 from particell.errors import InputError
+from particell.fields import Field
 from particell.geometry.domain import Domain
 from particell.laws.law import Law
 from particell.materials import Fluid
@@ -72,6 +73,8 @@ class SDPD:
 
     more
         Laws of one's own (:class:`particell.laws.law.Law`) that act besides the scheme's.
+    fields
+        Fields of one's own, whose rates such laws give.
 
     Raises
     ------
@@ -93,6 +96,7 @@ class SDPD:
     skin: float | None = None
     impenetrable: bool = False
     more: tuple[Law, ...] = ()
+    fields: tuple[Field, ...] = ()
 
     normalise_viscosity: ClassVar[bool] = False
 

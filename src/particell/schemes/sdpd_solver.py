@@ -20,6 +20,7 @@ from particell.compute.neighbours import NeighbourList
 from particell.compute.philox import PAIR_NOISE, VELOCITY_SPREAD, stream_key
 from particell.compute.sweep import Sweep
 from particell.errors import InputError
+from particell.fields import RATE
 from particell.geometry.domain import Domain
 from particell.kernels import kernel_code, normalisation
 from particell.laws.continuity import DensityDiffusion, HeadOfRest
@@ -101,6 +102,11 @@ class SDPDSolver:
                 self.thermal[k] = BOLTZMANN * material.temperature / depth_factor
         for name in self.FIELDS:
             particles.add(name)
+        for field in scheme.fields:
+            if field.name in particles or field.name + RATE in particles:
+                raise InputError("name", field.name, "one that no other field has")
+            particles.add(field.name, values=field.initial)
+            particles.add(field.name + RATE)
         for name, components in (("wall_normal", dim), ("wall_depth", 0), ("wall_curvature", 0)):
             if name not in particles:
                 particles.add(name, components)
@@ -275,6 +281,16 @@ class SDPDSolver:
         given = {**fields, **tables_of(self.tables, self.fluids)}
         return sweep.bind(self.device, given, self._scratch)
 
+    def kick(self, n: int, dt: float) -> None:
+        """Velocities after dt; and fields of the user's."""
+        self._kick(n, dt)
+        self.change_fields(dt)
+
+    def change_fields(self, dt: float) -> None:
+        """Fields of the user's after dt."""
+        for change in self._changes:
+            change(self.n, dt)
+
     def sum_density(self, n: int) -> None:
         """Density from the arrangement."""
         self._run["summed_density"](n)
@@ -300,7 +316,14 @@ class SDPDSolver:
         if self.leapfrog:
             self.predict_density = bind(updates.predict_density, fields)
         held = {"HELD": self.held}
-        self.kick = bind(updates.kick, fields, **dim, **held)
+        self._kick = bind(updates.kick, fields, **dim, **held)
+        self._changes = [
+            bind(
+                updates.change,
+                {**fields, "value": fields[f.name], "rate": fields[f.name + RATE]},
+            )
+            for f in self.scheme.fields
+        ]
         if self.spreads:
             key0, key1 = self._spread_key
             spread = {**fields, "key0": key0, "key1": key1}
@@ -392,12 +415,14 @@ class SDPDSolver:
         n = self.n
         self._renew_list(dt)
         self.rates(step, dt)
+        self.change_fields(0.5 * dt)
         self.remember(n)
         self.predict(n, dt)
         self.move_walls(1.0)
         self._thermodynamics(0.0)
         self.time += dt
         self.rates(step, dt)
+        self.change_fields(0.5 * dt)
         self.correct(n, dt)
         self.move_walls(1.0)
         self.after_drift()

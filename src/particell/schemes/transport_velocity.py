@@ -17,6 +17,7 @@ from particell.checks import checked, not_negative
 from particell.compute.device import Device
 from particell.compute.neighbours import NeighbourList
 from particell.errors import InputError
+from particell.fields import Field
 from particell.geometry.domain import Domain
 from particell.kernels import kernel_code
 from particell.laws.law import Law
@@ -91,6 +92,8 @@ class TransportVelocity:
         that switch between molecules and amounts.
     more
         Laws of one's own (:class:`particell.laws.law.Law`) that act besides the scheme's.
+    fields
+        Fields of one's own, whose rates such laws give.
     gravity, reference_speed, pressure_drop, skin
         As for :class:`~particell.schemes.sdpd.SDPD`.
 
@@ -118,6 +121,7 @@ class TransportVelocity:
     pressure_drop: float = 0.0
     skin: float = 0.15
     more: tuple[Law, ...] = ()
+    fields: tuple[Field, ...] = ()
 
     # what it has in common with SDPD, whose loops it uses
     density: ClassVar[str] = "continuity"

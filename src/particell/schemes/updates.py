@@ -28,6 +28,13 @@ def kick(i, v, a, wall_friction, dt, *, DIM, HELD):
 
 
 @particle_loop
+def change(i, is_wall, value, rate, dt):
+    """A field after dt by its rate; walls keep theirs."""
+    if not is_wall[i]:
+        value[i] += dt * rate[i]
+
+
+@particle_loop
 def drift(i, slides, x, transport, dt, *, DIM):
     """x += dt v, or dt (v + δv) with shifting; walls that slide keep their places."""
     if slides[i]:

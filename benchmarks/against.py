@@ -22,7 +22,8 @@ import json
 from particell import bench
 from particell.compute.threads import set_threads
 set_threads(1)
-rows = bench.flow_entries(2, 1) + bench.molecule_entries(1) + bench.carried_entries(1)
+rows = bench.flow_entries(2, 1) + bench.flow_entries(3, 1) + bench.wall_entries(1)
+rows += bench.molecule_entries(1) + bench.carried_entries(1)
 print(json.dumps({row["name"]: row["per_second"] for row in rows}))
 """
 

@@ -312,7 +312,8 @@ class Monitor:
         elif values.dtype.kind != "f" or name.startswith("sponge_"):  # unused outside a sponge
             return np.empty(0, np.int64)
         else:  # some distances are infinite where there is nothing near
-            bad = ~np.isfinite(values) if name in FINITE else np.isnan(values)
+            own = [f.name for f in getattr(self.simulation.scheme, "fields", ())]
+            bad = ~np.isfinite(values) if name in (*FINITE, *own) else np.isnan(values)
         return np.flatnonzero(bad.any(axis=1) if bad.ndim > 1 else bad)
 
     def _check_speeds(self) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 import particell as pc
 from particell.cli import call
-from particell.laws import where
+from particell.laws import vector, where
 
 
 def test_laws_and_equations(capsys):
@@ -84,5 +84,119 @@ def test_what_is_wrong_is_said_in_one_line(law, words):
 
 
 def test_a_law_must_not_branch_on_values():
-    with pytest.raises(TypeError, match="where"):
+    with pytest.raises(pc.InputError, match=r"Branches\.pair.*where"):
         two(Branches())
+
+
+class Decay(pc.Law):
+    """A rate that reads the field in pair and in finish."""
+
+    def __init__(self, name):
+        self.name = name
+
+    def pair(self, i, j, ij):
+        return {f"{self.name}_rate": 0.0 * (getattr(j, self.name) - getattr(i, self.name)) * ij.W}
+
+    def finish(self, i, sums):
+        return {f"{self.name}_rate": -1.0 * getattr(i, self.name)}
+
+
+@pytest.mark.parametrize("name", ["c", "k", "at", "x0", "own_2", "t1", "lambda_", "n", "T"])
+def test_fields_may_be_called_like_variables_of_the_loop(name):
+    box = pc.Domain((0, 0), (8, 8), periodic="xy", depth=1.0)
+    unit = pc.Fluid(density=1.0, viscosity=1.0, sound_speed=10.0)
+    scheme = pc.SDPD(more=[Decay(name)], fields=[pc.Field(name, 1.0)])
+    simulation = pc.Simulation(box, pc.fluid(box, unit, 1.0), scheme, dt=0.01)
+    simulation.advance(10)
+    assert simulation.particles.by_id(name) == pytest.approx(np.exp(-0.1), rel=1e-3)
+
+
+@pytest.mark.parametrize("name", ["record", "alpha", "time", "position", "closed", "rest_weight"])
+def test_names_with_another_meaning_are_refused(name):
+    box = pc.Domain((0, 0), (8, 8), periodic="xy")
+    unit = pc.Fluid(density=1.0, viscosity=1.0, sound_speed=10.0)
+    with pytest.raises(pc.InputError, match="nothing else has"):
+        pc.Simulation(box, pc.fluid(box, unit, 1.0), pc.SDPD(fields=[pc.Field(name)]))
+
+
+def test_a_law_s_numbers_are_those_that_it_has_now():
+    law = Spring(1.0)
+    simulation = two(law)
+    before = simulation.particles.by_id("a")[0, 0]
+    law.stiffness = 3.0
+    simulation.solver.accelerate(0, simulation.dt)
+    assert simulation.particles.by_id("a")[0, 0] == pytest.approx(
+        3 * before, rel=0.01
+    )  # but for friction
+
+
+class Answers(pc.Law):
+    def __init__(self, answer):
+        self.answer = answer
+
+    def pair(self, i, j, ij):
+        return self.answer(i, j, ij)
+
+
+@pytest.mark.parametrize(
+    ("answer", "words"),
+    [
+        (lambda i, j, ij: ij.x, "a dict"),
+        (lambda i, j, ij: {"a": 1.0}, "alike|components"),
+        (lambda i, j, ij: {"a": np.cos(ij.r) * ij.x}, "particell.laws"),
+        (lambda i, j, ij: {"v": ij.x}, "what a law adds"),
+        (lambda i, j, ij: {"a": ij.x if ij.r == 2.0 else -ij.x}, "where"),
+        (lambda i, j, ij: {"a": ij.dist * ij.x}, "Answers.pair"),
+    ],
+)
+def test_wrong_answers_name_the_law(answer, words):
+    with pytest.raises(pc.InputError, match=words):
+        two(Answers(answer))
+
+
+def test_equality_is_a_comparison_of_values():
+    law = Answers(lambda i, j, ij: {"a": where(i.density == 1.0, 2.0, 5.0) * ij.x})
+    assert two(law).particles.by_id("a")[0, 0] == pytest.approx(-4.0)
+
+
+def test_what_does_not_vanish_by_itself_ends_at_the_support():
+    """Lanes that only fill a vector add nothing: here seven of eight."""
+    law = Answers(lambda i, j, ij: {"a": 3.0 * ij.e})
+    assert two(law).particles.by_id("a")[:, 0] == pytest.approx([-3.0, 3.0])
+
+
+class Sums(pc.Law):
+    """Sums whose names differ by case, and by what looks like a component."""
+
+    own = ("s", "S", "s_0")
+
+    def pair(self, i, j, ij):
+        return {"s": ij.e, "S": 10.0 * ij.W * 0.0 + 10.0, "s_0": 100.0 + 0.0 * ij.W}
+
+    def finish(self, i, sums):
+        return {"a": 1.0 * sums.s + vector(sums.S, sums.s_0)}
+
+
+def test_sums_of_like_names_are_apart():
+    a = two(Sums()).particles.by_id("a")
+    assert a[0] == pytest.approx([-1.0 + 10.0, 100.0])
+
+
+@pytest.mark.parametrize("bulk", [0.0, 0.4])
+def test_two_particles_at_one_place_do_nothing(bulk):
+    box = pc.Domain((0, 0, 0), (10, 10, 10), depth=1.0)
+    unit = pc.Fluid(density=1.0, viscosity=1.0, bulk_viscosity=bulk, sound_speed=10.0)
+    pair = pc.Phase("fluid", unit, np.array([[5.0, 5, 5], [6.0, 5, 5]]), 1.0)
+    simulation = pc.Simulation(box, pair, pc.SDPD(), dt=0.01)
+    simulation.particles.set("x", np.full((2, 3), 5.0))
+    simulation.start()
+    assert np.abs(simulation.particles.by_id("a")).max() == 0.0
+
+
+def test_a_cache_that_cannot_be_written_costs_a_file_of_the_process(monkeypatch, tmp_path):
+    from particell.compute import generated
+
+    (tmp_path / "sweeps").write_text("in the way")
+    monkeypatch.setenv("PARTICELL_CACHE_DIR", str(tmp_path))
+    module = generated.load("trial", "VALUE = 3\n", {})
+    assert module.VALUE == 3

@@ -16,6 +16,7 @@ On a GPU (form ``"cuda"``) 2 and 3 are one: nothing is written per pair.
 
 from __future__ import annotations
 
+import keyword
 import re
 import textwrap
 from collections.abc import Iterable, Sequence
@@ -29,6 +30,11 @@ from particell.compute.plan import Pass, Plan, sum_names
 
 #: Numbers of a record: whole vectors, or parts of one cache line.
 WIDTHS = (2, 4, 8, 16, 24, 32, 48, 64, 96, 128)
+#: Names of variables in loops.
+LOCALS = re.compile(
+    r"(i|j|k|q|c|at|own|other|wraps|r2|reach2|begin|last|end|filled|base|base_whole|math|np|thread"
+    r"|n|first|(x|dx|c|t|own|own_|of_i|near)\d+|sum_\w+)"
+)
 HEAD = """\
 import math
 
@@ -42,13 +48,17 @@ from particell.compute.rounding import nearest_whole
 
 @dataclass(frozen=True)
 class Generated:
-    """A module's text, the functions that it calls, and the sizes of what it works with."""
+    """A module's text, the functions that it calls, and the sizes of what it works with.
+
+    ``renamed`` has names of fields by those of arguments, where they differ.
+    """
 
     text: str
     functions: dict[str, Any]
     record: int
     columns: int
     whole_columns: int
+    renamed: dict[str, str]
 
 
 def source_of(plan: Plan, form: str) -> Generated:
@@ -66,6 +76,7 @@ class _Generator:
         self.values = Dependence(plan)
         self.functions: dict[str, Any] = {}
         self.arguments: dict[str, None] = {}
+        self.renamed: dict[str, str] = {}  # names of fields, by those of arguments
         self.columns = self.whole_columns = 0
 
     def write(self) -> Generated:
@@ -80,11 +91,16 @@ class _Generator:
         text = "\n".join([title, HEAD + "\n".join(imports), "", "", *pack, "", "", *loop, ""])
         text = text.replace("WHOLE_COLUMNS", str(self.whole_columns))
         text = text.replace("COLUMNS", str(self.columns))
-        return Generated(text, self.functions, width, self.columns, self.whole_columns)
+        sizes = (width, self.columns, self.whole_columns)
+        return Generated(text, self.functions, *sizes, self.renamed)
 
     # text
 
     def _argument(self, name: str) -> str:
+        """The argument's name, another one where that is a variable of the loop or a keyword."""
+        if keyword.iskeyword(name) or LOCALS.fullmatch(name):
+            self.renamed[f"{name}_field"] = name
+            name = f"{name}_field"
         self.arguments.setdefault(name)
         return name
 
@@ -235,7 +251,10 @@ class _Generator:
             return [f"for k in range({begin}[i], {last}[i]):", *_indented(loop)]
         stores, fills = self._stores(columns, gather), self._fills(p, roots, columns)
         keep = "c += np.uint64(1)" if p.stored else "c += np.uint64(r2 < reach2)"
-        every = "c" if p.stored else "filled"
+        whole_vectors = not p.stored and all(
+            self.values.vanishes(v) for name in p.sums for v in roots[name]
+        )
+        every = "filled" if whole_vectors else "c"
         base = f"base = batch_row(i) * np.uint64({BATCH} * COLUMNS)"
         whole = f"base_whole = batch_row(i) * np.uint64({BATCH} * WHOLE_COLUMNS)"
         self._argument("columns")

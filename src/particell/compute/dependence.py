@@ -7,6 +7,7 @@ from typing import Any
 from particell.compute.emit import Numbering
 from particell.compute.expressions import Node
 from particell.compute.plan import Pass, Plan
+from particell.kernels import shape_f, shape_w
 
 #: What a value depends on.
 NUMBER, OWN, ITS, PAIR = range(4)
@@ -122,6 +123,24 @@ class Dependence:
                 waiting += self.numbering.uses(number)
             elif not self.is_whole(number) and not self._is_index(number):
                 self.record.setdefault(number, self.plan.dim + len(self.record))
+
+    def vanishes(self, value: Any) -> bool:
+        """Whether a value is zero beyond the support: it has the kernel as a factor."""
+        if not isinstance(value, int):
+            return value == 0.0
+        node = self.numbering.nodes[value]
+        parts = [
+            self.vanishes(self.numbering(a) if isinstance(a, Node) else a) for a in node.args[:3]
+        ]
+        if node.op == "*":
+            return any(parts)
+        if node.op in ("+", "-", "neg", "max", "min", "early"):
+            return all(parts)
+        if node.op in ("/", "sqrt"):
+            return parts[0]
+        if node.op == "where":
+            return parts[1] and parts[2]
+        return node.op == "call" and node.what[0] in (shape_f, shape_w)
 
     def mirror(self, number: int) -> int:
         """The number of the same expression of i instead of j."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable, Iterable
 from typing import Any
 
@@ -84,7 +85,10 @@ def literal(value: Any) -> str:
         return repr(bool(value))
     if isinstance(value, int | np.integer):
         return repr(int(value))
-    return repr(float(value))
+    number = float(value)
+    if math.isfinite(number):
+        return repr(number)
+    return "math.nan" if math.isnan(number) else "math.inf" if number > 0 else "-math.inf"
 
 
 class Writer:

@@ -97,12 +97,16 @@ class Node:
     def __or__(self, other: Number) -> Number:
         return Node("or", (self, other))
 
-    def equals(self, other: Number) -> Number:
-        """Whether both are equal, of each particle or pair (``==`` compares nodes)."""
+    def __eq__(self, other: object) -> Any:
         return _binary("==", self, other)
 
+    def __ne__(self, other: object) -> Any:
+        return _binary("!=", self, other)
+
+    __hash__ = object.__hash__
+
     def __bool__(self) -> bool:
-        raise TypeError("a law decides with where(condition, a, b), not with if")
+        raise TypeError("a law decides with where(condition, a, b), and & and | join conditions")
 
 
 def _is_plain(value: Any) -> bool:
@@ -147,6 +151,8 @@ def call(function: Callable[..., Any], args: Sequence[Any], results: int = 1, ea
     ``early`` ones branch or look up tables and would keep a loop from being vectorised: they are
     called where neighbours are gathered.
     """
+    if any(_symbolic(a) for a in args) and results == 1:
+        return _sympy().Function(getattr(function, "py_func", function).__name__)(*args)
     if not any(isinstance(a, Node) for a in args):
         return getattr(function, "py_func", function)(*args)
     whole = Node("call", tuple(args), (function, results, early))
@@ -255,6 +261,8 @@ class Vector:
         """The components."""
         sums: list[Number] = [0.0] * dim
         for base, factor in self.terms.items():
+            if len(base.parts) != dim:
+                raise ValueError(f"a vector of {len(base.parts)} components in {dim} dimensions")
             for d in range(dim):
                 sums[d] = sums[d] + factor * base.parts[d]
         return tuple(sums)
@@ -338,7 +346,7 @@ class Symmetric:
 
     def __add__(self, other: Symmetric | float) -> Symmetric:
         if not isinstance(other, Symmetric):
-            return self
+            return self if _is_plain(other) and other == 0 else NotImplemented
         return Symmetric(self.dim, {k: v + other.values[k] for k, v in self.values.items()})
 
     __radd__ = __add__

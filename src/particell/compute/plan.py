@@ -73,7 +73,7 @@ class Plan:
 
 def sum_names(name: str, components: int) -> list[str]:
     """The variables of a sum."""
-    plain = f"sum_{name}".replace(".", "_").lower()
+    plain = f"sum_{name}_".replace(".", "__")
     return [plain] if components == 1 else [f"{plain}_{k}" for k in range(components)]
 
 

@@ -18,7 +18,7 @@ from particell.compute.device import Device
 from particell.compute.expressions import Node, Symmetric, Vector, components, symbol
 from particell.compute.generated import load
 from particell.compute.plan import Pass, Plan, Result, sum_symbols
-from particell.errors import unknown_name
+from particell.errors import InputError, unknown_name
 from particell.laws.law import Law, Values
 from particell.sources.source import Names, Side
 
@@ -47,6 +47,8 @@ class Sweep:
         Fields that are zero for the others.
     stored
         Values of pairs that are kept, by the law's name for them: arrays along the list.
+    writes
+        Fields that laws may add to; all where it is left out.
     """
 
     name: str
@@ -58,6 +60,7 @@ class Sweep:
     targets: str = "mobile"
     zeroed: tuple[str, ...] = ()
     stored: tuple[str, ...] = ()
+    writes: tuple[str, ...] | None = None
 
     def numbers(self) -> dict[str, float]:
         """The laws' own numbers, which the loop is given, by name."""
@@ -97,9 +100,9 @@ class Sweep:
             i, j, ij = source.see(me, Side(self.names, "j"), self.kernel, self.uniform)
             adds: dict[str, Any] = {}
             for number, law in enumerate(laws):
-                for name, value in law.pair(i, j, ij).items():
+                for name, value in _asked(law, "pair", i, j, ij).items():
                     key = f"{_name(law, number)}.{name}" if name in law.own else name
-                    adds[key] = adds[key] + value if key in adds else value
+                    adds[key] = _added(law, name, adds.get(key), value)
             stored = {name: adds.pop(name) for name in self.stored if name in adds}
             parts = {name: components(value, dim) for name, value in adds.items()}
             sums |= {name: (len(parts[name]), adds[name]) for name in parts}
@@ -125,11 +128,15 @@ class Sweep:
         for number, law in enumerate(laws):
             prefix = f"{_name(law, number)}."
             own = {n: symbols.get(prefix + n, 0.0) for n in law.own}
-            for name, value in law.finish(me, Values(**own)).items():
-                totals[name] = totals[name] + value if name in totals else value
-        for name in totals:
-            if name not in self.names.fields:
-                raise unknown_name("what a law adds", name, self.names.fields)
+            for name, value in _asked(law, "finish", me, Values(**own)).items():
+                totals[name] = _added(law, name, totals.get(name), value)
+        writes = self.names.fields if self.writes is None else self.writes
+        for name, value in totals.items():
+            if name not in writes:
+                raise unknown_name("what a law adds (to fields, or to its own sums)", name, writes)
+            if len(components(value, dim)) != max(1, self.names.fields[name]):
+                wrong = f"{len(components(value, dim))} components"
+                raise InputError(f"what a law adds to {name}", wrong, "a number, or a vector")
         return {
             name: Result(components(value, dim), self.names.fields[name] > 0)
             for name, value in totals.items()
@@ -178,26 +185,56 @@ class Sweep:
             if name not in scratch or len(scratch[name]) < size:
                 kind = np.int64 if name == "whole_columns" else device.real
                 scratch[name] = device.zeros(max(1, size), kind)
-        arrays = {**fields, **self.numbers(), **scratch}
+        arrays = {**fields, **scratch}
+        arrays |= {argument: fields[name] for argument, name in made.renamed.items()}
         loop, pack = getattr(module, self.name), getattr(module, f"pack_{self.name}")
-        return _Bound(device, (pack, loop), arrays)
+        return _Bound(self, device, (pack, loop), arrays)
+
+
+def _asked(law: Law, method: str, *given: Any) -> Mapping[str, Any]:
+    """What a law answers, or one line that names it."""
+    try:
+        found = getattr(law, method)(*given)
+    except (TypeError, ValueError, AttributeError, IndexError) as error:
+        allowed = "arithmetic on what it is given, with where, sqrt, cos, … of particell.laws"
+        raise InputError(f"{type(law).__name__}.{method}", str(error), allowed) from error
+    if not isinstance(found, Mapping):
+        allowed = "a dict of what is added, by name"
+        raise InputError(f"{type(law).__name__}.{method}", found, allowed)
+    return found
+
+
+def _added(law: Law, name: str, before: Any, value: Any) -> Any:
+    """The sum of what laws add to one name."""
+    if before is None:
+        return value
+    try:
+        return before + value
+    except TypeError:
+        wrong = f"a {type(value).__name__} beside a {type(before).__name__}"
+        raise InputError(f"what {type(law).__name__} adds to {name}", wrong, "alike") from None
 
 
 def _name(law: Law, number: int) -> str:
     """What a law of a sweep is called."""
-    return f"{type(law).__name__}{number}"
+    return f"{type(law).__name__}_{number}"
 
 
 class _Bound:
     """Loops that run one after the other, with numbers given at every call."""
 
-    def __init__(self, device: Device, loops: Sequence[Any], arrays: Mapping[str, Any]):
+    def __init__(
+        self, sweep: Sweep, device: Device, loops: Sequence[Any], arrays: Mapping[str, Any]
+    ):
+        self.own = sweep.numbers if sweep.numbers() else None
         self.parts = [
             (device.bind(loop, arrays), [a for a in loop.arguments if a not in arrays])
             for loop in loops
         ]
 
     def __call__(self, n: int, **numbers: Any) -> None:
+        if self.own is not None:  # as the laws have them now
+            numbers |= self.own()
         for run, missing in self.parts:
             run(n, *(numbers[name] for name in missing))
 

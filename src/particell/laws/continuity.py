@@ -68,7 +68,7 @@ class DensityDiffusion(Law):
         if self.head:
             more = more + self.head.difference(i, j, ij)
         if self.jumps:
-            more = where(j.equation.equals(i.equation), more, 0.0)
+            more = where(j.equation == i.equation, more, 0.0)
         return {"density_rate": (i.diffusion * ij.support) * (ij.weight * more)}
 
 

@@ -52,7 +52,8 @@ class Values:
         self.__dict__.update(values)
 
     def __getattr__(self, name: str) -> Any:
-        raise AttributeError(f"no '{name}' was given; there are {', '.join(self.__dict__)}")
+        known = ", ".join(self.__dict__) or "none: a law names its sums in 'own'"
+        raise AttributeError(f"there is no '{name}'; there are {known}")
 
     def replace(self, **values: Number) -> Values:
         """The same with other values."""

@@ -80,7 +80,7 @@ class DensityFilter(Law):
             mass = mass + j.volume * self.head.difference(i, j, ij)
         weight = ij.W
         if self.several:
-            weight = where(j.fluid.equals(i.fluid), weight, 0.0)
+            weight = where(j.fluid == i.fluid, weight, 0.0)
         return {"above": mass * weight, "below": j.volume * weight}
 
     def finish(self, i: Any, sums: Any) -> Adds:

@@ -23,7 +23,7 @@ from particell.compute.expressions import Number, Symmetric, minimum, where
 from particell.errors import InputError
 from particell.laws.law import Adds, Law
 
-TINY = 1e-300
+TINY = 1e-150
 
 
 def friction_coefficients(shear: float, bulk: float, dim: int) -> tuple[float, float]:

@@ -11,6 +11,7 @@ import numpy as np
 from particell.boundaries.wall_friction import FREE, slowed
 from particell.compute.expressions import Vector, call, symbol
 from particell.compute.sweep import Sweep
+from particell.fields import RATE
 from particell.kernels import power, shape_w
 from particell.laws.continuity import Continuity, DensityDiffusion, HeadOfRest
 from particell.laws.fluctuations import ThermalNoise
@@ -120,8 +121,8 @@ class FlowSweeps:
         Whether there is more than one group of fluid, and with other equations of state.
     contrast
         Whether reference densities differ.
-    more
-        Laws of the user's.
+    more, fields
+        Laws of the user's, and names of their fields.
     """
 
     names: Names
@@ -144,6 +145,7 @@ class FlowSweeps:
     parted: bool
     contrast: bool
     more: tuple[Law, ...] = ()
+    fields: tuple[str, ...] = ()
 
     def _derived(self, **more: Callable[[Side], Any]) -> Names:
         return replace(self.names, derived={**self.names.derived, **more})
@@ -189,6 +191,12 @@ class FlowSweeps:
             zeroed=("density_rate",),
         )
 
+    def _written(self, density: bool) -> tuple[str, ...]:
+        """What laws of the user's may add to, and the scheme's own."""
+        own = [f + RATE for f in self.fields]
+        known = {"density_rate": density, "shift": self.shift, "wall_friction": self.walls}
+        return ("a", *(name for name, there in known.items() if there), *own)
+
     def forces(self, density: bool = False) -> Sweep:
         """Accelerations, and with ``density`` the density's rate."""
         derived: dict[str, Callable[[Side], Any]] = {
@@ -206,6 +214,7 @@ class FlowSweeps:
             [Particles(velocity=velocity), *walls],
             names=self._derived(**derived),
             zeroed=("a", *(("density_rate",) if density else ())),
+            writes=self._written(density),
         )
 
     def summed_density(self) -> Sweep:

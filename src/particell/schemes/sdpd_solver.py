@@ -24,6 +24,7 @@ from particell.fields import RATE
 from particell.geometry.domain import Domain
 from particell.kernels import kernel_code, normalisation
 from particell.laws.continuity import DensityDiffusion, HeadOfRest
+from particell.laws.hydrostatics import AT_REST
 from particell.laws.pressure import PressureForce
 from particell.laws.shifting import FRICTION, SOUND
 from particell.laws.viscosity import Viscosity, friction_coefficients
@@ -41,6 +42,15 @@ from particell.sources.source import Names
 if TYPE_CHECKING:
     from particell.schemes.sdpd import SDPD
     from particell.schemes.transport_velocity import TransportVelocity
+
+
+#: Names that laws, loops and frames use for something else.
+TAKEN = {"time", "step", "inverse_dt", "half_step", "lead", "position", "velocity", "index", "dim"}
+TAKEN |= {"record", "columns", "whole_columns", "specific_volume", "pressure_over_square", "side"}
+TAKEN |= {"v_ahead", "own_kernel", "names", "replace", "field", "transport", "flux", "buoyancy"}
+TAKEN |= {"count", "amount", "shift", "density_half", "wall_depth", "wall_normal"}
+TAKEN |= {"wall_curvature", "wall_friction", "velocity_spread", "kernel_sum", "shift_before"}
+TAKEN |= set(AT_REST)
 
 
 def friction_time(material: Fluid) -> float:
@@ -103,8 +113,8 @@ class SDPDSolver:
         for name in self.FIELDS:
             particles.add(name)
         for field in scheme.fields:
-            if field.name in particles or field.name + RATE in particles:
-                raise InputError("name", field.name, "one that no other field has")
+            if field.name in TAKEN or field.name in particles or field.name + RATE in particles:
+                raise InputError("name of Field", field.name, "one that nothing else has")
             particles.add(field.name, values=field.initial)
             particles.add(field.name + RATE)
         for name, components in (("wall_normal", dim), ("wall_depth", 0), ("wall_curvature", 0)):
@@ -172,6 +182,9 @@ class SDPDSolver:
             **{name: array(values) for name, values in self.tables.items()},
         }
         self._scratch: dict[str, Any] = {}
+        for field in scheme.fields:
+            if field.name in self.constants or field.name in neighbours.fields:
+                raise InputError("name of Field", field.name, "one that nothing else has")
         self.time = 0.0  # at which forces act, in s
         self.held = FREE
         if self.walls:
@@ -258,6 +271,7 @@ class SDPDSolver:
             several=int(self.fluids.sum()) > 1,
             parted=self.parted,
             more=tuple(scheme.more),
+            fields=tuple(f.name for f in scheme.fields),
         )
 
     def descriptions(self) -> list[Sweep]:

@@ -31,7 +31,7 @@ class Particles:
     def see(self, i: Side, j: Side, kernel: int, uniform: bool) -> tuple[Side, Side, Pair]:
         """i, j and the pair as laws see them."""
         if self.jumps:
-            same = j.equation.equals(i.equation)
+            same = j.equation == i.equation
             j = j.replace(density=where(same, j.density, i.density))
         return i, j, Pair(i, j, kernel, uniform, self.velocity)
 

@@ -17,7 +17,8 @@ from particell.errors import unknown_name
 from particell.kernels import power, shape_f, shape_w
 from particell.laws.fluctuations import pair_numbers
 
-TINY = 1e-300
+#: Its inverse squared is a number.
+TINY = 1e-150
 
 
 @dataclass(frozen=True)

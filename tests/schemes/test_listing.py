@@ -17,6 +17,13 @@ def test_laws_and_equations(capsys):
     assert "ConsistentContinuity" in text
 
 
+@pytest.mark.parametrize("case", ["natural-convection", "thermal-modes", "yeast-channel"])
+def test_equations_of_cases(capsys, case):
+    """With a head, with noise, with shifting."""
+    assert call(["laws", case, "--equations"]) == 0
+    assert "a += " in capsys.readouterr().out
+
+
 def test_the_loop_is_shown(capsys):
     assert call(["laws", "couette", "--show", "forces"]) == 0
     text = capsys.readouterr().out

@@ -89,12 +89,13 @@ class HeadOfRest:
 
     def potential(self, i: Any, j: Any, ij: Any) -> Any:
         """w̄·x_ij in m²/s²."""
-        dim = len(self.walled)
+        dim = ij.x.dim  # 1 where the equation is written down
+        walled = self.walled if dim == len(self.walled) else (True,) * dim
         gravity = i.gravity.parts(dim)
         total: Any = 0.0
         for base, factor in ij.x.terms.items():
             for d in range(dim):
-                if not self.walled[d]:
+                if not walled[d]:
                     continue
                 force = gravity[d]
                 if self.buoyancy:

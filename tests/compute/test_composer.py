@@ -65,6 +65,13 @@ def test_lanes_that_only_fill_a_vector_divide_by_what_is_there():
     assert "columns[base + np.uint64(64) + c - np.uint64(1)]" in made
 
 
+def test_terms_that_are_shared_again_and_again_cost_no_time():
+    value = field("mass", "j")
+    for _ in range(60):
+        value = value + value
+    assert "for q in range(np.uint64(0), c)" in text(value)  # nothing makes it zero by itself
+
+
 def test_vectors_collect_what_is_added_along_a_base():
     x = Vector.of("x", OFFSET)
     total = field("mass", "j") * x + field("volume", "j") * x

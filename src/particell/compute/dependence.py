@@ -31,12 +31,14 @@ class Dependence:
         self.plan = plan
         self.numbering = Numbering()
         self._levels: dict[int, int] = {}
+        self._vanishing: dict[int, bool] = {}
         self.record: dict[int, int] = {}
         self.roots = [self._roots(p) for p in plan.passes]
         for found in self.roots:
             self._find_packed(found)
 
     def number(self, value: Any) -> Any:
+        """The number of a node; a plain number as a float."""
         return self.numbering(value) if isinstance(value, Node) else float(value)
 
     def _roots(self, p: Pass) -> dict[str, tuple[Any, ...]]:
@@ -61,6 +63,7 @@ class Dependence:
         return found
 
     def is_whole(self, number: int) -> bool:
+        """Whether a value is a field of whole numbers, which no record holds."""
         node = self.numbering.nodes[number]
         return node.op == "symbol" and node.what[1] in self.plan.whole
 
@@ -69,6 +72,7 @@ class Dependence:
         return node.op == "symbol" and node.what[0] == "index"
 
     def is_early(self, number: int) -> bool:
+        """Whether a value is computed where neighbours are gathered."""
         node = self.numbering.nodes[number]
         if node.op == "item":
             return self.is_early(self.numbering.uses(number)[0])
@@ -128,7 +132,13 @@ class Dependence:
         """Whether a value is zero beyond the support: it has the kernel as a factor."""
         if not isinstance(value, int):
             return value == 0.0
-        node = self.numbering.nodes[value]
+        found = self._vanishing.get(value)
+        if found is None:  # once: expressions share their terms
+            found = self._vanishing[value] = self._vanishes(value)
+        return found
+
+    def _vanishes(self, number: int) -> bool:
+        node = self.numbering.nodes[number]
         parts = [
             self.vanishes(self.numbering(a) if isinstance(a, Node) else a) for a in node.args[:3]
         ]
@@ -157,6 +167,7 @@ class Dependence:
         return self.numbering(made[number])
 
     def is_offset(self, number: int) -> bool:
+        """Whether a value is a component of x_ij."""
         node = self.numbering.nodes[number]
         return node.op == "symbol" and node.what[0] == "pair"
 

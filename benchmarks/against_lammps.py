@@ -252,7 +252,7 @@ def measure(ways: Iterable[Ours], blocks: int) -> list[list[float]]:
 def our_temperatures(box: Box, dt: float, density: str, every: int, frames: int) -> np.ndarray:
     """As :meth:`Lammps.temperatures`."""
     simulation = resting(box, density)
-    simulation.dt, simulation.automatic = dt, False
+    simulation.dt, simulation.timing.automatic = dt, False
     freedom = box.dim * (box.n**box.dim - 1)
     found = []
     for _ in range(frames):

@@ -63,7 +63,7 @@ def ours_here(flow: str, n: int, cores: int) -> dict[str, Any]:
         seconds.append((clock() - begin) / STEPS)
     p = simulation.particles
     mobile = p.host("is_wall") == 0
-    mass = p.host("mass")[mobile].sum() * simulation.depth_factor
+    mass = p.host("mass")[mobile].sum() * simulation.system.depth_factor
     energy = simulation.monitor.kinetic_energy() / mass
     return {"seconds": seconds, "dt": simulation.dt, "energy": energy}
 

@@ -100,7 +100,7 @@ def measured(dim: int, n: int, noise: bool, precision: str) -> dict[str, float |
         "system": f"{dim}D {'noise' if noise else 'no noise'}",
         "precision": precision,
         "particles": number,
-        "sweep": number / timed(lambda: solver.accelerate(simulation.step, simulation.dt)),
+        "sweep": number / timed(lambda: forces(simulation, simulation.step, simulation.dt)),
         "list": number / timed(solver.build_list, 2),
     }
     steps = 10

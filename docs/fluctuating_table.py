@@ -80,7 +80,7 @@ class Entry:
         phase = Phase("fluid", material, points % edge, np.ones(len(points)), spacing=1.0)
         scheme = SDPD(self.kernel, self.support, density="summation", fluctuations=True, skin=0.25)
         simulation = Simulation(box, phase, scheme, seed=seed)
-        given = simulation.solver.constants
+        given = simulation.solver.flow.constants
         friction = friction_coefficients(viscosity, 0.0, self.dim)
         for name, value in (
             ("density_sum", s),

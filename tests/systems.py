@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import itertools
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,8 +16,21 @@ from particell.geometry.fill import lattice
 from particell.kernels import LUCY, normalisation, shape_f
 from particell.laws.viscosity import friction_coefficients
 from particell.materials import BOLTZMANN, Fluid
+from particell.operations.carriage import Carriage
+from particell.operations.operation import When
 from particell.phases import Phase, channel_walls, fluid
 from particell.schemes.sdpd import SDPD
+from particell.schemes.stages import (
+    At,
+    DensityRates,
+    EquationOfState,
+    FilterDensity,
+    FluxRates,
+    Forces,
+    KernelSums,
+    PredictDensity,
+    WallPressure,
+)
 from particell.schemes.transport_velocity import TransportVelocity
 from particell.simulation import Simulation
 
@@ -198,7 +212,56 @@ def resting_poiseuille_error(scheme, ny: int, surface: bool = True) -> float:
     matrix = np.empty((ny, ny))
     for k in range(ny):
         p.set("v", ((row == k) & inside)[:, None] * np.array([1.0, 0.0]))
-        simulation.solver.accelerate(0, 1.0)
+        forces(simulation, 0, 1.0)
         matrix[:, k] = p.host("a")[first, 0]
     u, s = np.linalg.solve(matrix, np.full(ny, -8 / ny**2)), p.host("x")[first, 1] / ny
     return float(np.sqrt(((u - 4 * s * (1 - s)) ** 2).mean()))
+
+
+@contextmanager
+def clock_at(simulation: Simulation, step: int, dt: float):
+    """The simulation's clock at a step's number, with a time step in s."""
+    clock = simulation.system.clock
+    before = clock.step, clock.dt
+    clock.step, clock.dt = step, dt
+    yield
+    clock.step, clock.dt = before
+
+
+def forces(simulation: Simulation, step: int = 0, dt: float = 1.0) -> None:
+    """Accelerations, with the noise of that step."""
+    sums = [KernelSums()] if simulation.scheme.normalise_viscosity else []
+    with clock_at(simulation, step, dt):
+        simulation.solver.do(*sums, Forces(ahead=0))
+
+
+def densities(simulation: Simulation) -> None:
+    """Pressures and volumes of the densities that there are."""
+    simulation.solver.do(EquationOfState(), At(When.FORCES), WallPressure())
+
+
+def density_rates(simulation: Simulation) -> None:
+    """The density's rate (and the flux of momentum) of the state as it is."""
+    stages = simulation.solver.stages
+    (rates,) = [stage for stage in stages if isinstance(stage, DensityRates | FluxRates)]
+    with clock_at(simulation, 0, 1e-300):
+        simulation.solver.do(PredictDensity(), rates)
+
+
+def filter_density(simulation: Simulation) -> None:
+    """The density filter, once."""
+    simulation.solver.do(FilterDensity())
+    densities(simulation)
+
+
+def carriage(simulation: Simulation) -> Carriage:
+    """What moves species with the shift."""
+    found = simulation.operations.by_name["Carriage"]
+    assert isinstance(found, Carriage)
+    return found
+
+
+def carry_species(simulation: Simulation, step: int, tau: float) -> None:
+    """What the shift carries of species during tau."""
+    with clock_at(simulation, step, tau):
+        carriage(simulation)(simulation.system)

@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -37,9 +37,7 @@ from particell.compute.loop import particle_loop
 from particell.compute.rounding import nearest_integer
 from particell.errors import InputError, unknown_name
 from particell.kernels import kernel_code, shape_w
-
-if TYPE_CHECKING:
-    from particell.simulation import Simulation
+from particell.simulated import Simulated
 
 
 @checked
@@ -94,7 +92,7 @@ class TimeAverage:
         object.__setattr__(self, "points", points)
 
 
-def check_averages(simulation: Simulation, averages: Sequence[TimeAverage]) -> None:
+def check_averages(simulation: Simulated, averages: Sequence[TimeAverage]) -> None:
     """Refuse averages that a simulation cannot have.
 
     Raises
@@ -105,7 +103,10 @@ def check_averages(simulation: Simulation, averages: Sequence[TimeAverage]) -> N
     names = [average.name for average in averages]
     if len(set(names)) < len(names):
         raise InputError("averages", names, "with a name each")
-    known, groups = snapshot.field_names_of(simulation), simulation.group_names
+    known, groups = (
+        snapshot.field_names_of(simulation),
+        [g.name for g in simulation.particles.groups],
+    )
     dim = simulation.domain.dim
     for average in averages:
         for name in average.fields:
@@ -196,9 +197,9 @@ def add_sums(
 class RunningAverage:
     """The sums of a :class:`TimeAverage` of one simulation; they are on the CPU."""
 
-    def __init__(self, simulation: Simulation, average: TimeAverage):
+    def __init__(self, simulation: Simulated, average: TimeAverage):
         self.simulation, self.average = simulation, average
-        dim, names = simulation.domain.dim, simulation.group_names
+        dim, names = simulation.domain.dim, [g.name for g in simulation.particles.groups]
         chosen = [g for g, name in enumerate(names) if name in (average.groups or names)]
         self._chosen = np.array(chosen)
         fields = [snapshot.field_of(simulation, name) for name in average.fields]

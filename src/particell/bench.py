@@ -22,7 +22,6 @@ from particell.materials import BOLTZMANN, Fluid
 from particell.output.files import write_json
 from particell.phases import box_walls, fluid
 from particell.schemes.sdpd import SDPD
-from particell.schemes.sdpd_solver import SDPDSolver
 from particell.schemes.static import Static
 from particell.schemes.transport_velocity import TransportVelocity
 from particell.simulation import Simulation
@@ -133,11 +132,9 @@ def flow_entries(dim: int, threads: int) -> list[dict[str, Any]]:
         simulation = flow(dim, noise)
         simulation.advance(STEPS[dim])
         n = len(simulation.particles)
-        solver = simulation.solver
-        assert isinstance(solver, SDPDSolver)
         if not noise:
-            run = solver.bound(solver.sweeps().forces(density=True))
-            numbers = solver.numbers(0, 1.0)
+            flow_ = simulation.solver.flow
+            run, numbers = flow_.bound(flow_.sweeps().forces(density=True)), flow_.numbers(0)
 
             def sweep(run: Any = run, n: int = n, numbers: Any = numbers) -> None:
                 for _ in range(5):
@@ -145,7 +142,7 @@ def flow_entries(dim: int, threads: int) -> list[dict[str, Any]]:
 
             sweep()
             rows.append(entry(f"rates sweep {dim}D", simulation, threads, 5 * n / best_time(sweep)))
-            solver.initialise(0, simulation.dt)
+            simulation.solver.start()
         builds, steps = simulation.neighbours.builds, simulation.step
 
         number = STEPS[dim]

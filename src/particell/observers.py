@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn, Protocol
+from typing import Any, NoReturn, Protocol
 
 import numpy as np
 from tqdm import tqdm
@@ -31,9 +31,7 @@ from particell.output.h5md import AVERAGES
 from particell.output.run import CHECKPOINT, OWN_FILES, TRAJECTORY, Run
 from particell.output.trajectory import TrajectoryWriter
 from particell.schemes.timestep import check_number_of_steps
-
-if TYPE_CHECKING:
-    from particell.simulation import Simulation
+from particell.simulated import Runnable
 
 #: Steps between looks at the clock, the state's soundness and the user's wish to stop.
 CHUNK = 50
@@ -93,7 +91,7 @@ class Recorder:
 
     def __init__(
         self,
-        simulation: Simulation,
+        simulation: Runnable,
         directory: Path | None,
         resumed: bool,
         averages: list[RunningAverage],
@@ -141,7 +139,7 @@ class Recorder:
         """Write a checkpoint that the frames written so far belong to."""
         if self.directory is None:
             return
-        self.simulation.monitor.check()  # a checkpoint is good, whatever observers did
+        self.simulation.check()  # a checkpoint is good, whatever observers did
         if self.writer is not None:
             self.writer.sync()
         sums = {average.average.name: average.sums for average in self.averages}
@@ -193,7 +191,7 @@ def stop_requests() -> Iterator[list[bool]]:
 
 
 def run_with_observers(
-    simulation: Simulation,
+    simulation: Runnable,
     until: float,
     every: float | None,
     out: str | Path | None,
@@ -247,7 +245,7 @@ def run_with_observers(
 
 
 def _running(
-    simulation: Simulation, averages: TimeAverage | Sequence[TimeAverage], resumed: bool
+    simulation: Runnable, averages: TimeAverage | Sequence[TimeAverage], resumed: bool
 ) -> list[RunningAverage]:
     """The sums of averages, of a resumed run as they were at its checkpoint."""
     chosen = [averages] if isinstance(averages, TimeAverage) else list(averages)
@@ -264,7 +262,7 @@ def _running(
     return running
 
 
-def _check_stop(simulation: Simulation, stop: Stop | None) -> None:
+def _check_stop(simulation: Runnable, stop: Stop | None) -> None:
     if stop is not None and not callable(stop):
         raise InputError("stop", stop, "a condition such as SteadyState, or None")
     if isinstance(stop, SteadyState) and stop.observable not in (o := simulation.observables()):
@@ -290,7 +288,7 @@ def _claim(directory: Path, allowed: bool, resumed: bool) -> Path:
     return prepare_directory(directory, *(OWN_FILES if used and not resumed else ()))
 
 
-def _plan_again(simulation: Simulation, plan: dict) -> None:
+def _plan_again(simulation: Runnable, plan: dict) -> None:
     """Smaller steps from this frame on; the frames keep their times."""
     frames = (plan["last"] - simulation.step) // plan["per_frame"]
     if frames:
@@ -299,7 +297,7 @@ def _plan_again(simulation: Simulation, plan: dict) -> None:
         plan["last"] = simulation.step + frames * plan["per_frame"]
 
 
-def _interrupt(simulation: Simulation, recorder: Recorder, plan: dict) -> NoReturn:
+def _interrupt(simulation: Runnable, recorder: Recorder, plan: dict) -> NoReturn:
     """Write a checkpoint and say that the run was stopped."""
     recorder.checkpoint(plan)
     recorder.close()
@@ -308,7 +306,7 @@ def _interrupt(simulation: Simulation, recorder: Recorder, plan: dict) -> NoRetu
 
 
 def _loop(
-    simulation: Simulation,
+    simulation: Runnable,
     recorder: Recorder,
     plan: dict,
     progress: bool,
@@ -345,7 +343,7 @@ def _loop(
                     if stop is not None and stop(simulation.time, observables):
                         plan["last"] = simulation.step  # so that a resumed run stays stopped
                         break
-                    if simulation.outran():
+                    if simulation.timing.outran(simulation.monitor.largest_speed()):
                         _plan_again(simulation, plan)
                         bar.total = plan["last"]
                 if asked[0]:

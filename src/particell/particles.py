@@ -12,14 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from particell.compute.device import Device
-from particell.errors import unknown_name
+from particell.errors import InputError, unknown_name
+from particell.fields import GIVEN, WORK, Field
 from particell.representation import block, span, table
 
 # Kinds of group: what the particles do in the equations of motion.
 FLUID, WALL = 0, 1
 KINDS = {"fluid": FLUID, "wall": WALL}
-# Units of the fields that a reader knows; a mass is per m of each dimension that is missing.
-UNITS = {"x": "m", "v": "m/s", "a": "m/s²", "density": "kg/m³", "pressure": "Pa", "support": "m"}
 
 
 @dataclass(frozen=True)
@@ -65,35 +64,36 @@ class Particles:
     def __init__(self, device: Device, n: int, dim: int, groups: list[Group]):
         self.device, self.n, self.dim, self.groups = device, n, dim, groups
         self.fields: dict[str, object] = {}
-        self._parts: dict[str, str] = {}
+        self.declared: dict[str, Field] = {}
         self._scratch: dict[tuple, object] = {}
         self._order = device.zeros(n, np.int64)
-        self.add("id", dtype=np.int64, values=np.arange(n))
-        self.add("group", dtype=np.int32)
-        self.add("is_wall", dtype=np.uint8)
-        self.add("slides", dtype=np.uint8)
-        self.add("image", dim, np.int32)
-        for name in ("x", "v", "a"):
-            self.add(name, dim)
-        for name in ("mass", "density", "pressure", "support"):
-            self.add(name)
+        self.add(Field("id", role=GIVEN, kind=np.int64), np.arange(n))
+        for field in _always(dim):
+            self.add(field)
 
-    def add(self, name: str, components: int = 0, dtype=None, values=None, part_of="") -> None:
+    def add(self, field: Field, values: np.ndarray | float | None = None) -> None:
         """Add a field of shape (n,) or, with components, (n, components).
 
-        With ``part_of`` it tells which part of another field is taken away before the next step:
-        none where that field is :meth:`set`.
+        Parameters
+        ----------
+        field
+            The declaration.
+        values
+            What it holds at first, in memory order; :attr:`.Field.initial` where it is left out.
+
+        Raises
+        ------
+        InputError
+            Where there is one of that name.
         """
-        if name in self.fields:
-            raise ValueError(f"field '{name}' exists already")
-        if part_of:
-            self._parts[name] = part_of
-        shape = (self.n, components) if components else (self.n,)
-        kind = np.dtype(dtype) if dtype else self.device.real
-        host = np.zeros(shape, kind)
-        if values is not None:
-            host[...] = values
-        self.fields[name] = self.device.array(host)
+        if field.name in self.fields:
+            raise InputError("name of Field", field.name, "one that nothing else has")
+        shape = (self.n, field.components) if field.components else (self.n,)
+        kind = np.dtype(field.kind) if field.kind else self.device.real
+        host = np.empty(shape, kind)
+        host[...] = field.initial if values is None else values
+        self.declared[field.name] = field
+        self.fields[field.name] = self.device.array(host)
 
     def __getitem__(self, name: str):
         if name not in self.fields:
@@ -117,8 +117,7 @@ class Particles:
     def _repr_html_(self) -> str:
         sizes = np.bincount(self.host("group"), minlength=len(self.groups))
         groups = [(g.name, g.kind, k) for g, k in zip(self.groups, sizes, strict=True)]
-        mass = {3: "kg", 2: "kg/m", 1: "kg/m²"}[self.dim]
-        units = {**UNITS, "mass": mass}
+        units = {name: field.unit for name, field in self.declared.items() if field.unit}
         rows = [(name, unit, span(self.host(name))) for name, unit in units.items()]
         others = [name for name in self.fields if name not in units]
         return block(
@@ -156,7 +155,7 @@ class Particles:
         host = np.empty(self[name].shape, self[name].dtype)
         host[...] = values
         self.device.write(self[name], host[self.view("id")] if by_id else host)
-        for part in [p for p, whole in self._parts.items() if whole == name]:
+        for part in [f.name for f in self.declared.values() if f.part_of == name]:
             self.set(part, np.zeros(()))
 
     def select(self, group: str, by_id: bool = False) -> np.ndarray:
@@ -177,3 +176,20 @@ class Particles:
                 self._scratch[key] = self.device.zeros((self.n, columns), rows.dtype)
             scratch = self._scratch[key]
             self.device.permute(rows, self._order, scratch)
+
+
+def _always(dim: int) -> list[Field]:
+    """What every set of particles has besides ids; masses are per m of each missing dimension."""
+    return [
+        Field("group", role=GIVEN, kind=np.int32),
+        Field("is_wall", role=GIVEN, kind=np.uint8),
+        Field("slides", role=GIVEN, kind=np.uint8),
+        Field("image", components=dim, kind=np.int32),
+        Field("x", unit="m", components=dim),
+        Field("v", unit="m/s", components=dim),
+        Field("a", unit="m/s²", components=dim),
+        Field("mass", unit={3: "kg", 2: "kg/m", 1: "kg/m²"}[dim], role=GIVEN),
+        Field("density", unit="kg/m³"),
+        Field("pressure", unit="Pa", role=WORK),
+        Field("support", unit="m", role=GIVEN),
+    ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -10,17 +11,49 @@ from scipy.spatial import cKDTree
 from particell.compute.device import Device
 from particell.compute.neighbours import NeighbourList
 from particell.errors import InputError
+from particell.fields import GIVEN, WORK, Field, work
 from particell.filling import check_filling
 from particell.geometry.domain import Domain
 from particell.materials import Fluid
 from particell.particles import Group, Particles
 from particell.phases import Phase
+from particell.state import State
 
 #: Particles of two phases that are nearer than this part of their size overlap: a filling made
 #: twice, or walls put into the fluid.
 TOO_NEAR = 0.2
 #: Particles nearer than this part of their size never part again.
 SAME_PLACE = 1e-6
+
+
+def build_state(
+    domain: Domain,
+    phases: list[Phase],
+    scheme: Any,
+    sound_speed: float | None,
+    device: Device,
+    seed: int,
+) -> State:
+    """Particles, materials and a neighbour list from a description.
+
+    Raises
+    ------
+    InputError
+        For what cannot be simulated.
+    """
+    materials, index = build_materials(phases, sound_speed)
+    particles = build_particles(device, domain, phases, index, scheme.support, scheme.at_rest)
+    neighbours = build_neighbours(device, domain, particles, scheme.skin or 0.1)
+    return State(
+        device, domain, particles, neighbours, phases, materials, seed, depth_of(domain, phases)
+    )
+
+
+def depth_of(domain: Domain, phases: Sequence[Phase]) -> float:
+    """Extent of the dimensions that are not simulated, in m: the smallest spacing by default."""
+    if domain.depth is not None:
+        return domain.depth
+    return min((p.particle_spacing for p in phases), default=1.0)
 
 
 def build_materials(
@@ -71,7 +104,7 @@ def build_particles(
     if np.ptp(spacing) < 1e-9 * spacing.max():
         spacing[:] = spacing.max()  # equal but for round-off: the fast, uniform loops apply
     particles.set("support", np.repeat(support * spacing, sizes))
-    particles.add("volume", values=volume)
+    particles.add(Field("volume", role=WORK), volume)
     if any(p.kind == "wall" for p in phases):
         add_wall_geometry(particles, phases)
     return particles
@@ -159,9 +192,9 @@ def add_wall_geometry(particles: Particles, phases: list[Phase]) -> None:
         foot = p.points + depth[rows, None] * normal[rows]
         limit = 1.0 / (0.5 * p.particle_spacing)
         curvature[rows] = np.clip(p.surface.curvature(foot, 10 * step), -limit, limit)
-    particles.add("wall_normal", dim, values=normal)
-    particles.add("wall_depth", values=depth)
-    particles.add("wall_curvature", values=curvature)
+    particles.add(work("wall_normal", dim), normal)
+    particles.add(Field("wall_depth", role=GIVEN), depth)
+    particles.add(Field("wall_curvature", role=GIVEN), curvature)
 
 
 def build_neighbours(

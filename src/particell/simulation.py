@@ -1,4 +1,4 @@
-"""The simulation: from a description to time steps.
+"""The simulation: a state, a scheme, species and operations, put together and stepped.
 
 A simulation is made of phases (who), a scheme (how they move), species and reactions (what they
 carry), and boundaries. It steps; observers look at it between steps.
@@ -6,58 +6,48 @@ carry), and boundaries. It steps; observers look at it between steps.
 
 from __future__ import annotations
 
-import math
-import time as clock
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from particell import health, snapshot
+from particell import health, observers, snapshot
 from particell.averages import TimeAverage
-from particell.boundaries.mean_velocity import MeanVelocity
-from particell.boundaries.moving import WallMotion
-from particell.boundaries.reflection import Reflection
-from particell.boundaries.sponge import Sponge
 from particell.checks import checked
-from particell.chemistry.carriage import Carriage
 from particell.chemistry.engine import Chemistry
 from particell.chemistry.reactions import Reaction
-from particell.chemistry.reservoirs import FixedValueWall, FluxWall, Reservoir
 from particell.chemistry.species import Species
 from particell.compute.device import Device
-from particell.compute.loop import CompileLog
 from particell.compute.philox import stream_key
 from particell.errors import InputError, RunError
 from particell.geometry.domain import Domain
 from particell.laws.buoyancy import Buoyancy
-from particell.materials import Fluid
-from particell.motion import Constraints, Forces, Monitor
+from particell.monitor import Monitor
+from particell.observers import Stop
+from particell.operations.build import OF_SPECIES, Boundary, operations_of, walls_of
+from particell.operations.operation import Operation, Operations
+from particell.output.run import Run
 from particell.phases import Phase
 from particell.restart import restore, state_of
-from particell.schemes.static import Static, StaticSolver
-from particell.schemes.timestep import check_number_of_steps
-from particell.setup import build_materials, build_neighbours, build_particles
-from particell.speeds import (
-    Scheme,
-    check_given_step,
-    default_sound_speed,
-    flow_limits,
-    flow_speed,
-    with_noise,
-)
-from particell.walls import Walls
+from particell.schemes.flow import Flow
+from particell.schemes.solver import Solver, add_fields
+from particell.setup import build_state, depth_of
+from particell.speeds import Scheme, default_sound_speed, flow_speed, with_noise
+from particell.state import State
+from particell.timing import TimeStep
 
-if TYPE_CHECKING:
-    from particell.observers import Stop
-    from particell.output.run import Run
 
-Boundary = Reflection | WallMotion | Sponge | MeanVelocity | Reservoir | FixedValueWall | FluxWall
-#: A chemistry step moves particles by at most this part of the support.
-CHEMISTRY_MOTION = 0.1
-#: An automatic time step is chosen anew where it is larger by this factor than the flow allows.
-LATE = 1.05
+def _of_clock(name: str, doc: str) -> Any:
+    """A property that is the clock's."""
+
+    def read(self: Simulation) -> Any:
+        return getattr(self.system.clock, name)
+
+    def write(self: Simulation, value: Any) -> None:
+        setattr(self.system.clock, name, value)
+
+    return property(read, write, doc=doc)
 
 
 @checked
@@ -78,7 +68,7 @@ class Simulation:
         What the particles carry.
     boundaries
         Reflecting surfaces, motions of walls, sponges, reservoirs, walls with fixed concentrations
-        or fluxes.
+        or fluxes, and boundaries of your own (:class:`~particell.operations.operation.Operation`).
     forces
         :class:`~particell.laws.buoyancy.Buoyancy`.
     seed
@@ -96,9 +86,16 @@ class Simulation:
         Of diffusion and reactions: ``"lie"`` (first order), ``"strang"`` (second order, with two
         evaluations of the diffusion of concentrations a step), or ``"auto"``: Strang's where
         molecules and concentrations react together and something diffuses, else Lie's.
+    operations
+        What else happens while it runs: :class:`~particell.operations.every.Every`, or classes of
+        your own derived from :class:`~particell.operations.operation.Operation`.
+    observables
+        Numbers for the time series: functions of the :class:`~particell.state.State`, by name.
 
     Attributes
     ----------
+    system
+        The :class:`~particell.state.State`.
     particles
         The :class:`~particell.particles.Particles`.
     chemistry
@@ -106,6 +103,11 @@ class Simulation:
     step, time, dt
         Steps done, time and time step in s.
     """
+
+    step = _of_clock("step", "Steps done.")
+    time = _of_clock("time", "Time in s.")
+    dt = _of_clock("dt", "Time step in s.")
+    chemistry_every = _of_clock("species_every", "Steps of the flow in one of the species.")
 
     def __init__(
         self,
@@ -121,34 +123,30 @@ class Simulation:
         device: Device | None = None,
         normalise_diffusion: bool = True,
         splitting: str = "auto",
+        operations: Sequence[Operation] = (),
+        observables: Mapping[str, Callable[[State], float]] | None = None,
     ):
         if dt != "auto" and not (isinstance(dt, int | float) and dt > 0):
             raise InputError("dt", dt, "positive, or 'auto'")
         stream_key(seed, 0)  # refuses what is no seed
-        self.domain, self.scheme, self.seed = domain, scheme, seed
+        if reactions and not species:
+            raise InputError("reactions", list(reactions), "empty without species")
+        self.domain, self.scheme, self.seed, self.static = domain, scheme, seed, scheme.at_rest
         self.phases = [phases] if isinstance(phases, Phase) else list(phases)
-        device, dim = device or Device(), domain.dim
-        self.device = device
-        spacing = min((p.particle_spacing for p in self.phases), default=1.0)
-        self.depth = domain.depth if domain.depth is not None else spacing
-        self.depth_factor = self.depth ** (3 - dim)
-        self.static = isinstance(scheme, Static)
-        flow = flow_speed(domain, self.phases, scheme, boundaries)
-        self._speed = with_noise(flow, self.phases, scheme, self.depth_factor)
-        sound_speed = default_sound_speed(domain, self.phases, scheme, self.depth_factor, flow)
-        self.materials, index = build_materials(self.phases, sound_speed)
-        self.particles = build_particles(
-            self.device, domain, self.phases, index, scheme.support, self.static
-        )
-        self.neighbours = build_neighbours(self.device, domain, self.particles, scheme.skin or 0.1)
-        self.walls = Walls(self, boundaries)
-        self.solver = scheme.solver(
-            device, domain, self.particles, self.neighbours, self.materials, seed, self.depth_factor
-        )
-        if self.walls.motions and not isinstance(self.solver, StaticSolver):
-            self.solver.kept_volume.walls_move = True
+        depth_factor = depth_of(domain, self.phases) ** (3 - domain.dim)
+        flow_speed_ = flow_speed(domain, self.phases, scheme, boundaries)
+        speed = with_noise(flow_speed_, self.phases, scheme, depth_factor)
+        sound = default_sound_speed(domain, self.phases, scheme, depth_factor, flow_speed_)
+        self.device = device or Device()
+        self.system = build_state(domain, self.phases, scheme, sound, self.device, seed)
+        self.particles, self.neighbours = self.system.particles, self.system.neighbours
+        self.materials = self.system.materials
+        flow = None if self.static else Flow(self.system, scheme)
+        self.walls = walls_of(self.system, scheme, boundaries)
+        if flow is not None:
+            flow.kept_volume.walls_move = bool(self.walls.motions)
+            add_fields(flow)
         self.chemistry: Chemistry | None = None
-        self.carriage: Carriage | None = None
         if species:
             self.chemistry = Chemistry(
                 self.device,
@@ -156,75 +154,36 @@ class Simulation:
                 self.neighbours,
                 species,
                 reactions,
-                [b for b in boundaries if isinstance(b, Reservoir | FixedValueWall | FluxWall)],
+                [b for b in boundaries if isinstance(b, OF_SPECIES)],
                 kernel=scheme.kernel,
                 seed=seed,
                 normalise=normalise_diffusion,
-                depth=self.depth_factor,
+                depth=depth_factor,
                 splitting=splitting,
                 at_rest=self.static,
             )
-            if getattr(scheme, "species_flux", False):
-                self.carriage = Carriage(self)
-                self.solver.carry_species = self.carriage.apply  # type: ignore[union-attr]
-        elif reactions:
-            raise InputError("reactions", list(reactions), "empty without species")
-        self._books = any(getattr(b, "values", getattr(b, "species", None)) for b in boundaries)
-        self.constraints = Constraints(self, boundaries)
-        if not isinstance(self.solver, StaticSolver):
-            self.solver.after_drift = self.constraints.reflect  # type: ignore[method-assign]
-            self.solver.move_walls = self._move_walls  # type: ignore[method-assign]
-            self.solver.before_pairs = self.walls.measure  # type: ignore[method-assign]
-            acting = Forces(self, forces)
-            self.solver.body_forces = acting.measure  # type: ignore[method-assign]
-        self.monitor = Monitor(self)
+        self.system.species = self.chemistry
+        parts = (self.system, scheme, flow, self.walls, self.chemistry)
+        acting = operations_of(*parts, boundaries, forces, operations, observables or {})
+        self.operations = Operations(self.system, acting)
+        self.solver = Solver(self.system, scheme, flow, self.operations)
+        self.monitor = Monitor(self.system, self.static)
         self.watch = health.Watch(self)
-        self.automatic = dt == "auto"
-        self.step, self.time = 0, 0.0
-        self.chemistry_every = 1
-        self.dt = self.largest_step() if self.automatic else float(dt)
-        if not self.automatic:
-            h = float(self.particles.host("support").min())
-            check_given_step(self.dt, h, self.given_materials, scheme, dim)
+        given = self.materials if flow is None else flow.properties.given
+        self.timing = TimeStep(self.system, scheme, self.chemistry, given, speed, dt)
+        self.books = any(getattr(b, "values", getattr(b, "species", None)) for b in boundaries)
         self.resumed, self.resumed_plan = False, None
         self.resumed_averages: dict[str, np.ndarray] = {}
+        self.account = snapshot.Account()
         self._started = False
-        self._wall_seconds = self._compile_seconds = 0.0
-        self._first_momentum: np.ndarray | None = None
-        self._first_totals: dict[str, float] = {}
 
-    # --- time step ---------------------------------------------------------------------------
+    # --- stepping ----------------------------------------------------------------------------
     def largest_step(self, speed: float | None = None) -> float:
         """The largest time step in s that the rules allow for a speed in m/s.
 
         By default that is the largest initial or expected one, or what the flow has reached since.
         """
-        speed = self._speed if speed is None else speed
-        if self.static:
-            limits = self.chemistry.limits() if self.chemistry else {}
-            return min(limits.values(), default=1.0)
-        h = float(self.particles.host("support").min())
-        flow = flow_limits(h, self.given_materials, self.scheme, speed, self.domain.dim)
-        steps = [found.smallest for found in flow]
-        return min(*steps, self._diffusive_limit())
-
-    @property
-    def given_materials(self) -> list[Fluid]:
-        """What particles of fluids are given so that these are the ones asked for, by group.
-
-        With noise that is another sound speed and another viscosity
-        (:mod:`particell.schemes.summation`): they limit the time step.
-        """
-        given = getattr(self.solver, "given", None)
-        if given is None:
-            return self.materials
-        groups = zip(given, self.particles.groups, strict=True)
-        return [m for m, g in groups if g.kind == "fluid"] or given
-
-    def _diffusive_limit(self) -> float:
-        """Largest step in s of the diffusion of concentrations, which is explicit."""
-        limits = self.chemistry.limits() if self.chemistry else {}
-        return limits.get("diffusion of concentrations", math.inf)
+        return self.timing.largest(speed)
 
     def plan(self, every: float) -> int:
         """Choose dt and the chemistry's step so that ``every`` is a whole number of both.
@@ -234,64 +193,17 @@ class Simulation:
         int
             Time steps per interval ``every``.
         """
-        if not (every > 0 and math.isfinite(every)):
-            raise InputError("every", every, "positive")
-        largest = self.largest_step() if self.automatic else self.dt
-        check_number_of_steps(largest, every)
-        if largest > self._diffusive_limit() * (1 + 1e-9):
-            allowed = f"at most {self._diffusive_limit():.3g} s (diffusion of concentrations)"
-            raise InputError("dt", self.dt, allowed)
-        block = 1
-        if self.chemistry and not self.static:
-            limits = [*self.chemistry.limits().values()]
-            if self._speed > 0:
-                h = float(self.particles.host("support").min())
-                limits.append(CHEMISTRY_MOTION * h / self._speed)
-            block = max(1, int(min(limits, default=largest) / largest))
-        # frames may be closer than a step of the species could be long
-        block = min(block, math.ceil(every / largest * (1 - 1e-12)))
-        blocks = max(1, math.ceil(every / (block * largest) * (1 - 1e-12)))
-        self.chemistry_every = block
-        self.dt = every / (blocks * block)
-        return blocks * block
+        return self.timing.plan(every)
 
-    def outran(self) -> bool:
-        """Whether the flow has become too fast for its automatic time step; if so, note its speed.
-
-        The next :meth:`plan` is for that speed. Less than :data:`LATE` (the outliers of thermal
-        noise) is no reason to choose the step anew.
-        """
-        fastest = self.monitor.largest_speed()
-        if not self.late(LATE, fastest):
-            return False
-        self._speed = fastest
-        return True
-
-    def late(self, factor: float, speed: float) -> bool:
-        """Whether an automatic dt is larger than ``factor`` times what the rules allow at a speed.
-
-        Only where it was chosen for a smaller speed.
-        """
-        if self.static or not self.automatic or speed <= self._speed:
-            return False
-        return self.dt > factor * self.largest_step(speed)
-
-    # --- stepping ----------------------------------------------------------------------------
     def start(self) -> None:
         """Build the neighbour list and the initial forces; done by the first step if needed."""
         if self._started:
             return
         self._started = True
-        begin, compiling = clock.perf_counter(), CompileLog.seconds
-        self.walls.move(self.time)
-        self.solver.time = self.time
-        self.solver.initialise(self.step, self.dt)
-        self.constraints.renew()
-        self.monitor.check()
-        self._first_momentum = self.monitor.momentum()
-        self._first_totals = snapshot.net_totals(self)
-        self._wall_seconds += clock.perf_counter() - begin
-        self._compile_seconds += CompileLog.seconds - compiling
+        with self.account.measuring():
+            self.solver.start()
+            self.check()
+            self.account.open(self)
 
     @checked
     def advance(self, steps: int = 1) -> None:
@@ -306,29 +218,25 @@ class Simulation:
         if steps < 0:
             raise InputError("steps", steps, "zero or more")
         self.start()
-        begin, compiling = clock.perf_counter(), CompileLog.seconds
-        chemistry, every = self.chemistry, self.chemistry_every
-        solver, constraints, dt = self.solver, self.constraints, self.dt
-        try:
-            for _ in range(steps):
-                solver.time = self.time
-                solver.step(self.step, dt)
-                self.walls.bounce_back()
-                constraints.relax(self.step, dt)
-                solver.finish(self.step, dt)
-                self.step, self.time = self.step + 1, self.time + dt
-                if chemistry is not None and self.step % every == 0:
-                    chemistry.step(self.step, every * dt, self.time)
-                    constraints.relax_species(self.step, every * dt)
-        except RunError:
-            self.monitor.check()  # names the field that it came from, where one shows it
-            raise
-        self.monitor.check()
-        self._wall_seconds += clock.perf_counter() - begin
-        self._compile_seconds += CompileLog.seconds - compiling
+        with self.account.measuring():
+            try:
+                for _ in range(steps):
+                    self.solver.step()
+            except RunError:
+                self.check()  # names the field that it came from, where one shows it
+                raise
+            self.check()
 
-    def _move_walls(self, part: float) -> None:
-        self.walls.move(self.time + part * self.dt)
+    def check(self) -> None:
+        """Refuse to go on with a broken state, or a flow that is too fast for its time step.
+
+        Raises
+        ------
+        RunError
+            Naming step, time, the first particle and the field.
+        """
+        self.monitor.check()
+        self.timing.check(self.monitor)
 
     @checked
     def run(
@@ -358,7 +266,8 @@ class Simulation:
         checkpoint_every
             Seconds of wall time between checkpoints; there is one more at the end.
         stop
-            A condition that ends the run early.
+            A condition that ends the run early: called with time and observables after every
+            frame.
         overwrite
             Whether to replace the run that ``out`` holds already.
         averages
@@ -374,10 +283,8 @@ class Simulation:
         InputError, RunError, Interrupted
             See :mod:`particell.errors`.
         """
-        from particell.observers import run_with_observers as run
-
         options = (progress, checkpoint_every, stop, overwrite, averages)
-        return run(self, until, every, out, *options)
+        return observers.run_with_observers(self, until, every, out, *options)
 
     # --- what can be seen --------------------------------------------------------------------
     @property
@@ -391,7 +298,7 @@ class Simulation:
 
     def frame(self) -> dict[str, np.ndarray]:
         """Fields of one trajectory frame, in the order of ids."""
-        return snapshot.frame_of(self, self._books)
+        return snapshot.frame_of(self)
 
     def observables(self) -> dict[str, float]:
         """Scalars for time series."""
@@ -404,19 +311,20 @@ class Simulation:
         that no reaction changes, net of booked boundary flux, relative to the amounts (molecules:
         whole numbers); how often walls turned particles back, and how many are inside.
         """
-        return snapshot.drift_since(self, self._first_momentum, self._first_totals)
+        return snapshot.drift_since(self, self.account)
 
     def health(self) -> list[health.Finding]:
         """What tells whether the simulation can be trusted, each with its limit.
 
         The worst of the frames so far and of the present state; see :mod:`particell.health`.
         """
-        return health.examine(self)
+        self.start()
+        return health.examine(self, self.watch)
 
     @property
     def performance(self) -> dict[str, float]:
         """Particles, steps, seconds, and particle-steps per second (compilation left out)."""
-        return snapshot.performance_of(self, self._wall_seconds, self._compile_seconds)
+        return snapshot.performance_of(self, self.account)
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -426,6 +334,7 @@ class Simulation:
     # --- restart -----------------------------------------------------------------------------
     def state(self) -> dict[str, Any]:
         """Everything that a continuation bit for bit needs: see :meth:`restore`."""
+        self.start()
         return state_of(self)
 
     def restore(self, state: dict[str, Any]) -> None:
@@ -437,6 +346,9 @@ class Simulation:
             Where the state belongs to another simulation.
         """
         restore(self, state)
+        self.resumed, self.resumed_plan = True, state.get("plan")
+        self.resumed_averages = state.get("averages", {})
+        self._started = True
 
     def __repr__(self) -> str:
         return snapshot.text_of(self)

@@ -2,39 +2,78 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+import time as wall_clock
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any
 
 import numpy as np
 
 from particell.chemistry.invariants import conserved_totals
 from particell.chemistry.listing import reaction_table, species_table
+from particell.compute.loop import CompileLog
 from particell.phases import phase_table
 from particell.representation import block, table
-from particell.schemes.static import StaticSolver
-
-if TYPE_CHECKING:
-    from particell.simulation import Simulation
+from particell.simulated import Simulated
 
 
-def static_frame_of(simulation: Simulation) -> dict[str, np.ndarray]:
+class Account:
+    """What a simulation began with, and the seconds that it took.
+
+    Attributes
+    ----------
+    wall_seconds, compile_seconds
+        Time spent in steps, and in compiling on the way.
+    momentum, totals
+        At the start: Σ m v in kg m/s, None before; sums of amounts that no reaction changes.
+    """
+
+    def __init__(self) -> None:
+        self.wall_seconds = self.compile_seconds = 0.0
+        self.momentum: np.ndarray | None = None
+        self.totals: dict[str, float] = {}
+
+    @contextmanager
+    def measuring(self) -> Iterator[None]:
+        """Count the time of a block, if it ends well."""
+        begin, compiling = wall_clock.perf_counter(), CompileLog.seconds
+        yield
+        self.wall_seconds += wall_clock.perf_counter() - begin
+        self.compile_seconds += CompileLog.seconds - compiling
+
+    def open(self, simulation: Simulated) -> None:
+        """Note what the simulation begins with."""
+        self.momentum = simulation.monitor.momentum()
+        self.totals = net_totals(simulation)
+
+    def saved(self) -> dict[str, Any]:
+        """What :meth:`restore` puts back."""
+        return dict(vars(self))
+
+    def restore(self, saved: Mapping[str, Any]) -> None:
+        """Go on with another run's account."""
+        vars(self).update(saved)
+
+
+def static_frame_of(simulation: Simulated) -> dict[str, np.ndarray]:
     """See :meth:`particell.simulation.Simulation.static_frame`."""
     p = simulation.particles
     frame = {name: p.by_id(name) for name in ("id", "group", "support")}
-    frame["mass"] = p.by_id("mass") * simulation.depth_factor
+    frame["mass"] = p.by_id("mass") * simulation.system.depth_factor
     return frame
 
 
-def field_names_of(simulation: Simulation) -> list[str]:
+def field_names_of(simulation: Simulated) -> list[str]:
     """What of the particles changes in time, other than positions and what came in."""
     names = ["velocity"] if simulation.static else ["velocity", "density", "pressure"]
-    names += [f.name for f in getattr(simulation.scheme, "fields", ())]
+    names += [f.name for f in simulation.scheme.fields]
     chemistry = simulation.chemistry
     for name, s in chemistry.species.items() if chemistry else ():
         names += [f"concentration/{name}", f"count/{name}"][: 2 if s.molecules else 1]
     return names
 
 
-def field_of(simulation: Simulation, name: str) -> np.ndarray:
+def field_of(simulation: Simulated, name: str) -> np.ndarray:
     """One of :func:`field_names_of`, in memory order."""
     kind, _, species = name.partition("/")
     if species:
@@ -43,30 +82,30 @@ def field_of(simulation: Simulation, name: str) -> np.ndarray:
     return simulation.particles.view("v" if name == "velocity" else name)
 
 
-def frame_of(simulation: Simulation, booked: bool) -> dict[str, np.ndarray]:
-    """See :meth:`particell.simulation.Simulation.frame`; ``booked`` adds inflows."""
+def frame_of(simulation: Simulated) -> dict[str, np.ndarray]:
+    """See :meth:`particell.simulation.Simulation.frame`; with what came in, where that is booked."""
     p, chemistry = simulation.particles, simulation.chemistry
     order = np.argsort(p.host("id"))
     # particles that leave the box are brought back to it at the next build of the lists only
     position, turns = simulation.domain.wrapped(p.by_id("x"))
     frame = {"position": position, "image": p.by_id("image") + turns.astype(np.int32)}
     frame |= {name: field_of(simulation, name)[order] for name in field_names_of(simulation)}
-    if booked and chemistry:
+    if simulation.books and chemistry:
         frame |= {f"inflow/{name}": _booked(simulation, name) for name in chemistry.species}
     return frame
 
 
-def _booked(simulation: Simulation, name: str) -> np.ndarray:
+def _booked(simulation: Simulated, name: str) -> np.ndarray:
     """What came into each particle through boundaries so far: mol or molecules, by id."""
     chemistry = simulation.chemistry
     assert chemistry is not None
     whole = chemistry.species[name].molecules
     booked = simulation.particles.by_id("count_booked" if whole else "amount_booked")
     values = booked[:, chemistry.column(name)]
-    return values if whole else values * simulation.depth_factor
+    return values if whole else values * simulation.system.depth_factor
 
 
-def observables_of(simulation: Simulation) -> dict[str, float]:
+def observables_of(simulation: Simulated) -> dict[str, float]:
     """See :meth:`particell.simulation.Simulation.observables`."""
     values: dict[str, float] = {}
     monitor, chemistry = simulation.monitor, simulation.chemistry
@@ -77,51 +116,42 @@ def observables_of(simulation: Simulation) -> dict[str, float]:
         values["largest_speed"] = monitor.largest_speed()
     if chemistry:
         for name, (total, booked) in chemistry.totals().items():
-            scale = 1 if chemistry.species[name].molecules else simulation.depth_factor
+            scale = 1 if chemistry.species[name].molecules else simulation.system.depth_factor
             values[f"amount_{name}"] = total * scale
             values[f"inflow_{name}"] = booked * scale
-    return values
+    return values | simulation.operations.observables()
 
 
-def net_totals(simulation: Simulation) -> dict[str, float]:
+def net_totals(simulation: Simulated) -> dict[str, float]:
     """Sums of amounts that no reaction changes, net of what was booked at boundaries."""
     if not simulation.chemistry:
         return {}
     return {name: value for name, (value, _) in conserved_totals(simulation.chemistry).items()}
 
 
-def drift_since(
-    simulation: Simulation, momentum: np.ndarray | None, totals: dict[str, float]
-) -> dict[str, float]:
-    """See :meth:`particell.simulation.Simulation.conservation`; the arguments are the first."""
+def drift_since(simulation: Simulated, account: Account) -> dict[str, float]:
+    """See :meth:`particell.simulation.Simulation.conservation`."""
     drift: dict[str, float] = {}
     monitor = simulation.monitor
-    if not simulation.static and momentum is not None:
-        change = monitor.momentum() - momentum
+    if not simulation.static and account.momentum is not None:
+        change = monitor.momentum() - account.momentum
         scale = monitor.absolute_momentum()
         drift["momentum"] = float(np.linalg.norm(change) / scale) if scale else 0.0
-    kept = getattr(simulation.solver, "kept_volume", None)
-    if kept is not None and kept.volume:
-        drift["volume put right"] = kept.drift
     if simulation.chemistry:
         for name, (value, size) in conserved_totals(simulation.chemistry).items():
-            drift[f"amount {name}"] = float((value - totals[name]) / size)
-    if simulation.carriage and simulation.carriage.molecules:
-        drift["molecules' flux not met"] = simulation.carriage.molecules.unmet_part
-    return drift | simulation.constraints.counts()
+            drift[f"amount {name}"] = float((value - account.totals[name]) / size)
+    return drift | {"reflections": 0.0} | simulation.operations.counts()
 
 
-def performance_of(
-    simulation: Simulation, wall_seconds: float, compile_seconds: float
-) -> dict[str, float]:
+def performance_of(simulation: Simulated, account: Account) -> dict[str, float]:
     """See :attr:`particell.simulation.Simulation.performance`."""
     n, chemistry = len(simulation.particles), simulation.chemistry
-    busy = max(wall_seconds - compile_seconds, 1e-9)
+    busy = max(account.wall_seconds - account.compile_seconds, 1e-9)
     return {
         "particles": n,
         "steps": simulation.step,
-        "wall_seconds": wall_seconds,
-        "compile_seconds": compile_seconds,
+        "wall_seconds": account.wall_seconds,
+        "compile_seconds": account.compile_seconds,
         "particle_steps_per_second": n * simulation.step / busy,
         "neighbour_list_builds": simulation.neighbours.builds,
         "ssa_events": chemistry.events if chemistry else 0,
@@ -129,7 +159,7 @@ def performance_of(
     }
 
 
-def settings_of(simulation: Simulation) -> dict[str, Any]:
+def settings_of(simulation: Simulated) -> dict[str, Any]:
     """See :attr:`particell.simulation.Simulation.settings`."""
     scheme, chemistry = simulation.scheme, simulation.chemistry
     remarks = chemistry.remarks if chemistry else []
@@ -141,22 +171,21 @@ def settings_of(simulation: Simulation) -> dict[str, Any]:
         "dt": simulation.dt,
         "chemistry_every": simulation.chemistry_every,
         "sound_speed": [m.sound_speed for m in simulation.materials],
-        "depth": simulation.depth,
+        "depth": simulation.system.depth,
         **solver_settings(simulation),
         **({"remarks": list(remarks)} if remarks else {}),
     }
 
 
-def solver_settings(simulation: Simulation) -> dict[str, list[float]]:
+def solver_settings(simulation: Simulated) -> dict[str, list[float]]:
     """What summed densities are divided by, and P_c in Pa (:mod:`.summation`), by group."""
-    scheme, solver = simulation.scheme, simulation.solver
-    if scheme.density != "summation" or isinstance(solver, StaticSolver):
+    if simulation.scheme.density != "summation":
         return {}
-    names = ("density_sum", "confinement")
-    return {name: simulation.device.to_host(solver.constants[name]).tolist() for name in names}
+    tables = simulation.solver.flow.properties.tables
+    return {name: tables[name].tolist() for name in ("density_sum", "confinement")}
 
 
-def text_of(simulation: Simulation) -> str:
+def text_of(simulation: Simulated) -> str:
     """The simulation in one line."""
     s = simulation
     carried = f", {s.chemistry}" if s.chemistry else ""
@@ -166,7 +195,7 @@ def text_of(simulation: Simulation) -> str:
     )
 
 
-def html_of(simulation: Simulation) -> str:
+def html_of(simulation: Simulated) -> str:
     """The simulation as tables, for notebooks."""
     s, chemistry = simulation, simulation.chemistry
     rows = [

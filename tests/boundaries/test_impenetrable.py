@@ -112,7 +112,7 @@ def shoot(kind, speed, angles, scheme, velocity=None, spin=0.0, steps=30, known=
         dt=COURANT * SUPPORT / (SOUND + fastest),
     )
     if scheme is TransportVelocity:
-        simulation.solver.constants["shift_pressure"][...] = 0.0
+        simulation.solver.flow.constants["shift_pressure"][...] = 0.0
     stay = np.zeros(FIRED, dtype=int)
     for _ in range(steps):
         simulation.advance(1)

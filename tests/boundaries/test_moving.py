@@ -8,6 +8,7 @@ import pytest
 import particell as pc
 from particell.errors import InputError
 from particell.phases import Phase
+from particell.schemes.stages import WallPressure
 from systems import channel, same_bits, unit_fluid
 
 
@@ -106,7 +107,7 @@ def test_pressure_of_a_wall_that_accelerates():
         simulation.start()
         p = simulation.particles
         p.set("wall_acceleration", np.array([0.0, acceleration]))
-        simulation.solver.wall_pressure(len(p))
+        simulation.solver.do(WallPressure())
         pressures.append(p.by_id("pressure")[p.by_id("is_wall") != 0].copy())
     assert np.abs(pressures[0]).max() > 1e-4
     np.testing.assert_allclose(pressures[0], pressures[1], rtol=1e-12, atol=1e-15)

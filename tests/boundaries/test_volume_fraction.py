@@ -128,8 +128,8 @@ def test_bounce_back_from_a_wall_that_accelerates(dim):
     x = p.host("x").copy()
     x[p.host("is_wall") == 0, -1] = -0.05
     p.set("x", x)
-    simulation.walls.measure()
-    simulation.walls.bounce_back()
+    simulation.walls.measure(simulation.system)
+    simulation.walls.bounce_back(simulation.system)
     found = p.by_id("v")[0]
     np.testing.assert_allclose(found, -velocity + 0.2 * acceleration, rtol=1e-9)
 

@@ -13,12 +13,14 @@ from particell.geometry.shapes import Box
 from particell.materials import Fluid
 from particell.phases import Phase, box_walls, channel_walls, fluid
 from particell.schemes.sdpd import SDPD
+from particell.schemes.stages import DrawSpread, Forces, Kick, TakeSpread
 from particell.schemes.transport_velocity import TransportVelocity
 from particell.simulation import Simulation
 from systems import (
     UNIT_TEMPERATURE,
     channel,
     fluid_rows,
+    forces,
     same_bits,
     standard_errors,
     unit_fluid,
@@ -88,7 +90,7 @@ def accelerations(simulation, v):
     every = np.zeros(p.host("v").shape)
     every[inside] = v
     p.set("v", every)
-    simulation.solver.accelerate(0, 1.0)
+    forces(simulation, 0, 1.0)
     return p.host("a")[inside].astype(float)
 
 
@@ -165,7 +167,7 @@ def decay_error(dt, time=0.02):
     simulation = Simulation(domain, [inside, *walls], SDPD(), dt=dt)
     simulation.start()
     solver, rows = simulation.solver, fluid_rows(simulation)
-    solver.accelerate(0, dt)
+    forces(simulation, 0, dt)
     p = simulation.particles
     rest = p.host("a")[rows][0].copy()  # of pressure, where the particle is
     gamma = wall_matrices(simulation)[0]
@@ -174,11 +176,12 @@ def decay_error(dt, time=0.02):
     decay = vectors @ np.diag(np.exp(-values * time)) @ vectors.T
     start = steady + np.array([1.0, -0.5, 0.7])
     p.set("v", np.where(rows[:, None], start, 0.0))
-    solver.accelerate(0, dt)
-    for step in range(round(time / dt)):
-        solver.kick(len(p), 0.5 * dt)
-        solver.accelerate(step, dt)
-        solver.kick(len(p), 0.5 * dt)
+    forces(simulation, 0, dt)
+    kick, push = solver.bound([Kick(), Forces(0)])
+    for _ in range(round(time / dt)):
+        kick()
+        push()
+        kick()
     found = p.host("v")[rows][0]
     return np.linalg.norm(found - steady - decay @ (start - steady))
 
@@ -198,7 +201,7 @@ def final_state(steps):
         velocity=lambda x: 0.1 * np.sin(np.pi / 4 * (x[:, ::-1] + 0.3 * x)),
         integrator="trapezoidal",
     )
-    simulation.dt, simulation.automatic = 1.0 / steps, False
+    simulation.dt, simulation.timing.automatic = 1.0 / steps, False
     simulation.advance(steps)
     p = simulation.particles
     return np.concatenate([p.by_id("x").ravel(), p.by_id("v").ravel()])
@@ -219,19 +222,21 @@ def test_equipartition_is_exact_beside_walls_whatever_the_step(dim, steps):
     simulation.start()
     solver, p, dt = simulation.solver, simulation.particles, simulation.dt
     rows, n = fluid_rows(simulation), len(p)
-    solver.accelerate(0, dt)
+    forces(simulation, 0, dt)
     assert dt * np.linalg.eigvalsh(wall_matrices(simulation)).max() > 2.2
     gamma = wall_matrices(simulation)
     first = int(np.argmax(np.trace(gamma, axis1=1, axis2=2)))
     p.set("v", np.zeros((n, dim)))
     samples = np.empty((steps, int(rows.sum()), dim))
+    take, kick, push, draw = solver.bound([TakeSpread(), Kick(), Forces(0), DrawSpread()])
     for step in range(steps):
+        simulation.step = step
         if step:
-            solver._take_spread(n)
-        solver.kick(n, 0.5 * dt)
-        solver.accelerate(step, dt)
-        solver.kick(n, 0.5 * dt)
-        solver.finish(step, dt)
+            take()
+        kick()
+        push()
+        kick()
+        draw()
         samples[step] = p.host("v")[rows]
     samples = samples[steps // 10 :]
     samples -= samples.mean(axis=0)  # pressure pushes
@@ -275,7 +280,7 @@ def test_velocities_set_between_steps_are_those_that_go_on(by_id):
     p.set("v", given, by_id)
     np.testing.assert_array_equal(p.by_id("v") if by_id else p.host("v"), given)
     rows, before = fluid_rows(simulation), p.host("v")
-    simulation.dt, simulation.automatic = 1e-30, False  # nothing acts in it
+    simulation.dt, simulation.timing.automatic = 1e-30, False  # nothing acts in it
     simulation.advance(1)
     np.testing.assert_allclose(p.host("v")[rows], before[rows], atol=1e-6 * thermal)
 

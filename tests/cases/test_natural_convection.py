@@ -5,7 +5,6 @@ import math
 import pytest
 from scipy.special import gamma
 
-from particell.boundaries.reflection import Reflection
 from particell.cases import natural_convection_results as results
 from particell.cases.base import Context
 from particell.cases.natural_convection import NaturalConvection
@@ -97,7 +96,7 @@ def test_the_fluid_rises_along_the_cylinder(coarse):
 
 def test_reflecting_surfaces_are_a_safeguard_only(coarse):
     _, simulation, _ = coarse
-    assert any(isinstance(b, Reflection) for b in simulation.constraints.surfaces)
+    assert "Reflect" in simulation.operations.by_name
     assert simulation.conservation()["reflections"] == 0
 
 

@@ -116,11 +116,9 @@ def test_all_forms_give_the_same_to_round_off(name):
     mobile = p.host("is_wall") == 0
     p.set("v", np.where(mobile[:, None], random.normal(0, 0.1, p.host("v").shape), 0.0))
     simulation.advance(2)
-    solver = simulation.solver
-    fields = {**solver.constants, **solver.neighbours.fields, **p.fields}
-    fields.setdefault("transport", fields["v"])
-    fields |= tables_of(solver.tables, solver.fluids)
-    numbers = solver.numbers(3, simulation.dt)
+    solver, flow = simulation.solver, simulation.solver.flow
+    fields = flow.fields() | tables_of(flow.properties.tables, flow.properties.fluids)
+    numbers = flow.numbers(3)
     for sweep in solver.descriptions():
         found, before = [], {k: p.host(k).copy() for k in sweep.plan().results}
         for form in ("gather", "cuda"):

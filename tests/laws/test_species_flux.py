@@ -8,7 +8,7 @@ import pytest
 from particell.chemistry.species import Species
 from particell.errors import InputError
 from particell.laws.species_flux import species_flux
-from systems import lattice_offsets, transported_lattice, vortices
+from systems import carry_species, lattice_offsets, transported_lattice, vortices
 
 SUPPORT = 2.6
 
@@ -37,7 +37,7 @@ def test_linear_concentration_on_a_lattice(dim):
     p, tau = simulation.particles, 1e-6
     p.set("transport", p.host("v") + shift)
     before = p.host("amount")[:, 0].copy()
-    simulation.solver.carry_species(0, tau)
+    carry_species(simulation, 0, tau)
     gain = (p.host("amount")[:, 0] - before) / tau
     centre = np.linalg.norm(p.host("x") - 4.5, axis=1) < 0.1
     offsets, weight = lattice_offsets(dim, SUPPORT)

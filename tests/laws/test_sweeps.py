@@ -14,6 +14,8 @@ from particell.schemes.sdpd import SDPD
 from particell.simulation import Simulation
 from systems import (
     UNIT_TEMPERATURE,
+    density_rates,
+    forces,
     lattice_offsets,
     lattice_viscosity,
     lucy_sums,
@@ -40,8 +42,7 @@ def test_divergence_of_a_linear_field(dim):
     )
     simulation = Simulation(domain, phase, SDPD(density_diffusion=0.0))
     simulation.start()
-    simulation.solver.predict_density(len(simulation.particles), 0.0)
-    simulation.solver.density_rates(0, 0.0)
+    density_rates(simulation)
     p = simulation.particles
     centre = np.linalg.norm(p.host("x") - 3.5, axis=1) < 0.1
     offsets, weight = lattice_offsets(dim, 3.0)
@@ -108,7 +109,7 @@ def test_momentum_is_exchanged(dim, noise):
 def test_momentum_of_two_materials_of_two_resolutions(dim):
     """Viscosities whose ratios of bulk to shear differ, two temperatures, two supports."""
     simulation = scattered(dim, materials=2, supports=2, fluctuations=True)
-    sweeps = simulation.solver.sweeps()
+    sweeps = simulation.solver.flow.sweeps()
     assert sweeps.names.tables["transverse"] and not sweeps.uniform
     simulation.start()
     assert momentum_rate(simulation) < 1e-14
@@ -220,7 +221,7 @@ def pair_forces(dim, noise, pairs, draws):
     p = simulation.particles
     order, sample = np.argsort(p.host("id")), []
     for step in range(draws):
-        simulation.solver.accelerate(step, dt)
+        forces(simulation, step, dt)
         force = p.host("a")[order] * np.sqrt(dt)
         assert np.abs(force[:pairs] + force[pairs:]).max() < 1e-12  # F_ij = -F_ji
         sample.append(force[:pairs].copy())

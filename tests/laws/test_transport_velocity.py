@@ -25,7 +25,7 @@ from particell.laws.transport_velocity import (
 from particell.phases import Phase, box_walls, fluid
 from particell.schemes.transport_velocity import TransportVelocity
 from particell.simulation import Simulation
-from systems import lattice_offsets, unit_fluid
+from systems import densities, density_rates, forces, lattice_offsets, unit_fluid
 
 SUPPORT = 2.6
 
@@ -48,10 +48,9 @@ def system(dim, side, disorder=0.3, periodic=True, velocity=None, **scheme):
 
 def fluxes(simulation, shift):
     """Density rate and flux of momentum with δv = ``shift`` (in memory order)."""
-    p, solver = simulation.particles, simulation.solver
+    p = simulation.particles
     p.set("transport", p.host("v") + shift)
-    solver.predict_density(len(p), 0.0)
-    solver.density_rates(0, 0.0)
+    density_rates(simulation)
     return p.host("density_rate").copy(), p.host("flux").copy()
 
 
@@ -132,8 +131,8 @@ def test_the_switch_acts_in_the_sweep(dim):
         p = simulation.particles
         p.set("density", np.full(len(p), 0.9))
         p.set("a", 0.0)  # friction acts at the velocity that it leads to
-        simulation.solver._thermodynamics(0.0)
-        simulation.solver.accelerate(0, 1.0)
+        densities(simulation)
+        forces(simulation, 0, 1.0)
     assert np.abs(off.particles.host("a")).max() > 1.0
     assert np.abs(on.particles.host("a")).max() < 1e-12
 
@@ -332,7 +331,7 @@ def test_the_shift_returns_every_mode_of_a_hexagonal_lattice():
 def test_the_sweep_has_these_modes(dim):
     """Every mode of an 8-spacing lattice, displaced by 1e-6: the shift is K u, and points back."""
     simulation = system(dim, 8, 0.0)
-    p, solver = simulation.particles, simulation.solver
+    p = simulation.particles
     sites = p.host("x").copy()
     random = np.random.default_rng(2)
     for mode in itertools.product(range(5), repeat=dim):
@@ -344,7 +343,7 @@ def test_the_sweep_has_these_modes(dim):
         for value, along in zip(values, vectors.T, strict=True):
             displaced = 1e-6 * phase[:, None] * along
             p.set("x", sites + displaced)
-            solver.accelerate(0, 1.0)
+            forces(simulation, 0, 1.0)
             shift = p.host("shift")
             np.testing.assert_allclose(shift, value * displaced, atol=2e-10)
             assert (shift * displaced).sum() < 0
@@ -359,8 +358,8 @@ def test_pressure_differences_exert_no_force_under_a_uniform_pressure(dim):
         p = simulation.particles
         p.set("density", np.full(len(p), 1.05))
         p.set("a", 0.0)  # friction acts at the velocity that it leads to
-        simulation.solver._thermodynamics(0.0)
-        simulation.solver.accelerate(0, 0.01)
+        densities(simulation)
+        forces(simulation, 0, 0.01)
         accelerations.append(np.abs(p.host("a")).max())
     assert accelerations[0] < 1e-12 < 1e-2 < accelerations[1]
 
@@ -371,8 +370,8 @@ def test_pressure_differences_on_a_lattice_are_the_gradient():
     p = simulation.particles
     x = p.host("x")[:, 0]
     p.set("density", 1.0 + 1e-6 * (x - 8.0))
-    simulation.solver._thermodynamics(0.0)
-    simulation.solver.accelerate(0, 0.01)
+    densities(simulation)
+    forces(simulation, 0, 0.01)
     offsets, f = lattice_offsets(2, SUPPORT)
     slope = simulation.materials[0].sound_speed ** 2 * 1e-6 * (f * offsets[:, 0] ** 2).sum()
     middle = np.abs(x - 8.0) < 4

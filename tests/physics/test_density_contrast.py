@@ -160,13 +160,13 @@ def test_the_pressure_at_rest_follows_the_layers():
     turned.start()
     other.start()
     p = turned.particles
-    first = turned.solver.rest.state()["rest_weight"]
+    first = turned.solver.flow.rest.saved()["rest_weight"]
     x = p.host("x")
     x[:, 1] = np.where(p.host("is_wall") == 0, 16 - x[:, 1], x[:, 1])
     p.set("x", x)
     turned.solver.build_list()
-    turned.solver.rest.follow()
-    found, wanted = (s.solver.rest.state()["rest_weight"] for s in (turned, other))
+    turned.solver.flow.rest.follow()
+    found, wanted = (s.solver.flow.rest.saved()["rest_weight"] for s in (turned, other))
     assert abs(found - wanted).max() < 0.1 * abs(first - wanted).max()
 
 
@@ -176,7 +176,7 @@ def test_a_restart_of_layers_that_move_has_the_same_bits():
     two.advance(170)
     three.restore(two.state())
     three.advance(230)
-    tables = [s.solver.rest.state()["rest_weight"] for s in (one, two, three)]
+    tables = [s.solver.flow.rest.saved()["rest_weight"] for s in (one, two, three)]
     assert np.any(tables[0] != tables[1])
     np.testing.assert_array_equal(tables[0], tables[2])
     assert same_bits(one, three) == []

@@ -8,6 +8,7 @@ import pytest
 import particell as pc
 from particell.cli import call
 from particell.laws import vector, where
+from systems import forces
 
 
 def test_laws_and_equations(capsys):
@@ -62,7 +63,7 @@ def test_a_law_of_one_s_own_acts(scheme):
     for stiffness in (0.5, 3.0):  # with other numbers it is the same loop
         a = two(Spring(stiffness), scheme=scheme).particles.by_id("a")
         assert a[:, 0] == pytest.approx([2 * stiffness, -2 * stiffness])
-    made = [two(Spring(s)).solver.sweeps().forces().source().text for s in (1.0, 2.0)]
+    made = [two(Spring(s)).solver.flow.sweeps().forces().source().text for s in (1.0, 2.0)]
     assert made[0] == made[1]
 
 
@@ -131,7 +132,7 @@ def test_a_law_s_numbers_are_those_that_it_has_now():
     simulation = two(law)
     before = simulation.particles.by_id("a")[0, 0]
     law.stiffness = 3.0
-    simulation.solver.accelerate(0, simulation.dt)
+    forces(simulation, 0, simulation.dt)
     assert simulation.particles.by_id("a")[0, 0] == pytest.approx(
         3 * before, rel=0.01
     )  # but for friction

@@ -89,9 +89,9 @@ def test_friction_ahead_costs_no_stability(make):
         simulation = make(8, 2, material, jitter=0.3)
     else:
         simulation = make(2, 8, 0.3, material=material)
-    solver, dt = simulation.solver, simulation.dt
-    leads = np.array([solver._lead(dt * f) for f in (0.1, 0.3, 0.6, 1.0, 1.3)])
-    stiff = solver._stiffness * dt * np.array([0.1, 0.3, 0.6, 1.0, 1.3])
+    flow, dt = simulation.solver.flow, simulation.dt
+    leads = np.array([flow.lead(dt * f) for f in (0.1, 0.3, 0.6, 1.0, 1.3)])
+    stiff = flow.properties.stiffness * dt * np.array([0.1, 0.3, 0.6, 1.0, 1.3])
     assert leads[0] == 1.0 and leads[-1] < 1.0
     assert np.all(stiff * (1 + leads) <= max(EXPLICIT, stiff[-1]) * (1 + 1e-12))
     p = simulation.particles

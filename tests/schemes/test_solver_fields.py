@@ -5,7 +5,6 @@ from __future__ import annotations
 import pytest
 
 import particell as pc
-from particell.schemes.sdpd_solver import SDPDSolver
 
 
 @pytest.mark.parametrize(
@@ -15,7 +14,7 @@ def test_names_are_given_once(scheme):
     box = pc.Domain((0, 0), (8, 8), periodic="x")
     water = pc.Fluid(density=1.0, viscosity=1.0, sound_speed=10.0)
     walls = pc.channel_walls(box, water, 1.0, axis=1)
-    solver = pc.Simulation(box, [pc.fluid(box, water, 1.0), *walls], scheme).solver
-    assert isinstance(solver, SDPDSolver)
-    names = [*solver.constants, *solver.neighbours.fields, *solver.particles.fields]
+    simulation = pc.Simulation(box, [pc.fluid(box, water, 1.0), *walls], scheme)
+    names = [*simulation.solver.flow.constants, *simulation.neighbours.fields]
+    names += simulation.particles.fields
     assert len(names) == len(set(names))

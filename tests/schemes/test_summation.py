@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from particell.kernels import CODES
+from particell.schemes.stages import SumDensity
 from particell.schemes.summation import (
     MOST_CONFINED,
     confinement_of,
@@ -27,9 +28,9 @@ def energy(simulation) -> float:
     """Σ m e(ρ) − P_c V, of γ = 1: e = c² [ln(ρ/ρ₀) + ρ₀/ρ], at the positions as they are."""
     solver, p = simulation.solver, simulation.particles
     solver.build_list()
-    solver.sum_density(len(p))
+    solver.do(SumDensity())
     density, mass = p.host("density"), p.host("mass")
-    c2, pc = (float(solver.constants[k][0]) for k in ("sound_speed", "confinement"))
+    c2, pc = (float(solver.flow.constants[k][0]) for k in ("sound_speed", "confinement"))
     return float((mass * (c2**2 * (np.log(density) + 1 / density) - pc / density)).sum())
 
 
@@ -43,8 +44,8 @@ def test_forces_are_the_gradient_of_the_energy(side, dim):
     simulation.start()
     p = simulation.particles
     a, x = np.array(p.host("a")), np.array(p.host("x"))
-    assert float(simulation.solver.constants["confinement"][0]) > 0
-    assert float(simulation.solver.constants["density_sum"][0]) > 1
+    assert float(simulation.solver.flow.constants["confinement"][0]) > 0
+    assert float(simulation.solver.flow.constants["density_sum"][0]) > 1
     ids = np.array(p.host("id"))
     for i, d in itertools.product((0, side, len(p) // 2), range(dim)):
         values = []

@@ -55,13 +55,13 @@ def test_simulations_follow_the_rules():
 def test_noise_is_fast_and_the_trapezoidal_rule_needs_small_steps():
     material = unit_fluid(viscosity=5.0, temperature=UNIT_TEMPERATURE)
     quick = periodic_lattice(10, 2, material, fluctuations=True, density="summation")
-    sound = quick.given_materials[0].sound_speed
+    sound = quick.timing.materials[0].sound_speed
     assert sound > 10.2
     assert quick.dt == pytest.approx(0.25 * 3 / (sound + 3))  # three thermal speeds of a particle
     slow = periodic_lattice(
         10, 2, material, fluctuations=True, integrator="trapezoidal", density="summation"
     )
-    viscosity = slow.given_materials[0].viscosity
+    viscosity = slow.timing.materials[0].viscosity
     assert slow.dt == pytest.approx(min(quick.dt, 0.005 * 9 / viscosity))
     assert np.isfinite(slow.dt)
 
@@ -72,7 +72,7 @@ def test_what_particles_are_given_limits_the_step():
     noise = {"kernel": "wendland-c2", "support": 2.0, "density": "summation", "fluctuations": True}
     how = ("wendland-c2", 2.0, 2, False)
     asked = 2.0**2 / stiffest(SDPD.friction(hot, 2), [SDPD.friction(hot, 2)], *how)
-    given = periodic_lattice(8, 2, hot, **noise).given_materials[0]
+    given = periodic_lattice(8, 2, hot, **noise).timing.materials[0]
     assert 1.08 < given.viscosity / hot.viscosity < 1.11
     assert periodic_lattice(8, 2, hot, **noise).dt == pytest.approx(
         min(1.3 * asked * hot.viscosity / given.viscosity, 0.05 * 4 / given.viscosity)

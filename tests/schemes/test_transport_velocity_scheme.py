@@ -13,6 +13,8 @@ from particell.phases import channel_walls, fluid
 from particell.schemes.transport_velocity import TransportVelocity
 from particell.simulation import Simulation
 from systems import (
+    densities,
+    filter_density,
     fluid_rows,
     resting_poiseuille_error,
     same_bits,
@@ -28,8 +30,8 @@ def test_uniform_velocity_stays_uniform(dim):
     simulation = transported_lattice(
         dim, 8, jitter=0.2, velocity=(0.5,) * dim, material=unit_fluid(sound_speed=1e-9), dt=0.01
     )
-    simulation.solver.constants["shift_sound"][...] = 0.01 / 2.6  # τ is the step
-    simulation.solver.constants["shift_pressure"][...] = 100.0
+    simulation.solver.flow.constants["shift_sound"][...] = 0.01 / 2.6  # τ is the step
+    simulation.solver.flow.constants["shift_pressure"][...] = 100.0
     simulation.start()
     before = simulation.particles.by_id("x").copy()
     simulation.advance(100)
@@ -69,13 +71,13 @@ def test_filter_keeps_uniform_density_and_removes_noise():
     simulation.start()
     p = simulation.particles
     p.set("density", np.full(len(p), 1.02))
-    simulation.solver._thermodynamics(0.0)
-    simulation.solver.filter_density()
+    densities(simulation)
+    filter_density(simulation)
     assert p.host("density") == pytest.approx(1.02, rel=1e-14)
     rough = 1 + 0.01 * np.random.default_rng(6).normal(size=len(p))
     p.set("density", rough)
-    simulation.solver._thermodynamics(0.0)
-    simulation.solver.filter_density()
+    densities(simulation)
+    filter_density(simulation)
     assert p.host("density").std() < 0.5 * rough.std()
 
 

@@ -191,7 +191,7 @@ def _put(simulation: Simulation, x: np.ndarray, v: np.ndarray, step: int) -> Non
     simulation.particles.set("x", x[ids])
     simulation.particles.set("v", v[ids])
     simulation.step = step
-    simulation.solver.initialise(step, simulation.dt)  # type: ignore[union-attr]
+    simulation.solver.start()
 
 
 def _currents(simulation: Simulation, k: np.ndarray, directions: np.ndarray) -> np.ndarray:

@@ -97,7 +97,7 @@ def _notes(notes: list[str]) -> Iterator[str]:
 
 def limit(simulation: Simulation) -> str:
     """What the time step is limited by, in words."""
-    if not simulation.automatic:
+    if not simulation.timing.automatic:
         return "dt as given (or the interval of frames)"
     limits = _limits(simulation)
     name = min(limits, key=lambda key: limits[key], default="")
@@ -113,7 +113,7 @@ def _limits(simulation: Simulation) -> dict[str, float]:
     h = float(simulation.particles.host("support").min())
     limits: dict[str, float] = {}
     dim = simulation.domain.dim
-    for found in flow_limits(h, simulation.given_materials, scheme, simulation._speed, dim):
+    for found in flow_limits(h, simulation.timing.materials, scheme, simulation.timing.speed, dim):
         limits[found.reason] = min(found.smallest, limits.get(found.reason, math.inf))
     return limits
 

@@ -263,7 +263,7 @@ class ThermalModes(Case):
 
     def given(self, simulation: Simulation) -> DiscreteFluid:
         """What particles are given."""
-        scheme, depth = simulation.scheme, simulation.depth_factor
+        scheme, depth = simulation.scheme, simulation.system.depth_factor
         return discrete_fluids(scheme, simulation.particles, simulation.materials, depth)[0]  # type: ignore[arg-type]
 
     def frames(self, run: Run) -> range:
@@ -272,7 +272,7 @@ class ThermalModes(Case):
 
     def pressures(self, run: Run, simulation: Simulation) -> np.ndarray:
         """Pressure of frames by the virial, without the confinement, in Pa."""
-        given, depth = self.given(simulation), simulation.depth_factor
+        given, depth = self.given(simulation), simulation.system.depth_factor
         mass = np.full(len(simulation.particles), self.mass / depth)
         edges = simulation.domain.lengths
         thermal = BOLTZMANN * self.temperature / depth

@@ -13,6 +13,7 @@ from particell.compute.device import Device
 from particell.compute.philox import INITIAL, stream_key
 from particell.compute.reduce import Reduction
 from particell.errors import InputError, unknown_name
+from particell.fields import WORK, Field
 from particell.geometry.domain import Domain
 from particell.materials import AVOGADRO
 from particell.particles import Particles
@@ -65,15 +66,18 @@ class Contents:
     def add_fields(particles: Particles, species: Sequence[Species]) -> None:
         """Add the fields of the species to the particles, where they are missing."""
         molecules = sum(s.molecules for s in species)
-        for name, columns, kind in (
-            ("amount", sum(not s.molecules or s.switches for s in species), np.float64),
-            ("count", molecules, np.int64),
-        ):
-            for field in (name, f"{name}_booked"):
-                if columns and field not in particles:
-                    particles.add(field, columns, kind)
-        if any(s.switches for s in species) and "continuous" not in particles:
-            particles.add("continuous", molecules, np.uint8)
+        amounts = sum(not s.molecules or s.switches for s in species)
+        needed = [
+            Field("amount", components=amounts, kind=np.float64),
+            Field("amount_booked", components=amounts, kind=np.float64, role=WORK),
+            Field("count", components=molecules, kind=np.int64),
+            Field("count_booked", components=molecules, kind=np.int64),
+        ]
+        if any(s.switches for s in species):
+            needed.append(Field("continuous", components=molecules, kind=np.uint8))
+        for field in needed:
+            if field.components and field.name not in particles:
+                particles.add(field)
 
     def set_concentration(
         self, name: str, values: Values, group: str | None = None, by_id: bool = False

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -205,6 +205,16 @@ class Chemistry(Contents):
 
         tables = species_table(self.species.values()), reaction_table(self.reactions)
         return block("Species and reactions", *tables)
+
+    def saved(self) -> dict[str, Any]:
+        """What a run that goes on needs besides fields, for :meth:`restore`."""
+        counted = {name: getattr(self, name) for name in ("events", "jumps", "pace")}
+        return {**counted, "remarks": list(self.remarks)}
+
+    def restore(self, saved: Mapping[str, Any]) -> None:
+        """Put the :meth:`saved` state of another run back."""
+        self.events, self.jumps, self.pace = (saved[k] for k in ("events", "jumps", "pace"))
+        self.remarks[:] = saved["remarks"]
 
     @property
     def remarks(self) -> list[str]:

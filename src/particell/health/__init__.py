@@ -6,27 +6,22 @@ in ``docs/faults.md``.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from particell.health.finding import Finding, beyond
 from particell.health.flow import Watch
 from particell.health.noise import of_noise
 from particell.health.species import of_species
 from particell.health.walls import of_walls
-
-if TYPE_CHECKING:
-    from particell.simulation import Simulation
+from particell.simulated import Simulated
 
 __all__ = ["Finding", "Watch", "beyond", "examine", "foresee"]
 
 
-def foresee(simulation: Simulation) -> list[Finding]:
+def foresee(simulation: Simulated) -> list[Finding]:
     """What is known before a simulation runs."""
     return [*of_walls(simulation), *of_noise(simulation)]
 
 
-def examine(simulation: Simulation) -> list[Finding]:
+def examine(simulation: Simulated, watch: Watch) -> list[Finding]:
     """Everything: the description, the present state, and the worst of the frames so far."""
-    simulation.start()
-    simulation.watch.look()
-    return [*foresee(simulation), *simulation.watch.findings(), *of_species(simulation)]
+    watch.look()
+    return [*foresee(simulation), *watch.findings(), *of_species(simulation)]

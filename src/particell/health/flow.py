@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -13,9 +12,7 @@ from particell.health.finding import Finding
 from particell.health.spacing import Spacing
 from particell.materials import BOLTZMANN
 from particell.schemes.transport_velocity import TransportVelocity
-
-if TYPE_CHECKING:
-    from particell.simulation import Simulation
+from particell.simulated import Simulated
 
 #: Largest Mach number; the rule aims at 0.1.
 MACH = 0.25
@@ -48,7 +45,7 @@ class Watch:
         Largest values by name; where small is bad, of the negative.
     """
 
-    def __init__(self, simulation: Simulation):
+    def __init__(self, simulation: Simulated):
         self.simulation = simulation
         self.worst: dict[str, float] = {}
         self._spacing: Spacing | None = None
@@ -183,7 +180,7 @@ class Watch:
         s = self.simulation
         if not s.scheme.fluctuations:
             return 0.0
-        mass = self._fluid("mass") * s.depth_factor
+        mass = self._fluid("mass") * s.system.depth_factor
         heat = self._per_material([BOLTZMANN * (m.temperature or 0.0) for m in s.materials])
         sound = self._per_material([m.sound_speed or np.inf for m in s.materials])
         return float((np.sqrt(heat / mass) / sound).max())
@@ -225,7 +222,7 @@ class Watch:
         return float(np.sqrt(np.nanmean(square)) / speed)
 
 
-def _feet(simulation: Simulation, phase, x: np.ndarray, spacing: np.ndarray) -> np.ndarray:
+def _feet(simulation: Simulated, phase, x: np.ndarray, spacing: np.ndarray) -> np.ndarray:
     """Points of a wall's surface that are nearest to the fluid next to it."""
     wrapped = simulation.domain.wrapped(x)[0]
     distance = phase.surface.signed_distance(wrapped)

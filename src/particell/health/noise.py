@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from particell.health.finding import Finding
 from particell.schemes.summation import disorder_of, measured_range
-
-if TYPE_CHECKING:
-    from particell.simulation import Simulation
+from particell.simulated import Simulated
 
 #: Least compression modulus K of the fluid over that of its particles. Below, rows of the table lie
 #: so far apart that two ways to interpolate differ by up to 15 % in K; above by 3.5 %.
@@ -22,7 +19,7 @@ SUPPORT = 0.25
 STRENGTH = 3.0
 
 
-def of_noise(simulation: Simulation) -> Iterator[Finding]:
+def of_noise(simulation: Simulated) -> Iterator[Finding]:
     """Modulus, support and strength of noise of fluids with summed densities and noise."""
     s, dim = simulation, simulation.domain.dim
     if s.static or dim == 1 or not s.scheme.fluctuations or s.scheme.density != "summation":
@@ -35,7 +32,7 @@ def of_noise(simulation: Simulation) -> Iterator[Finding]:
         return
     stiffness, beyond = [], []
     for g in groups:
-        weight = float(mass[group == g].mean()) * s.depth_factor
+        weight = float(mass[group == g].mean()) * s.system.depth_factor
         entry, theta = disorder_of(kernel, support, dim, s.materials[g], weight)
         stiffness.append(entry.stiffness)
         beyond.append(max(theta / strong, weak / theta))

@@ -12,16 +12,13 @@ void.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from particell.compute.loop import particle_loop
 from particell.kernels import kernel_code, normalisation, power, shape_w
 from particell.laws.pairs import image_offset
-
-if TYPE_CHECKING:
-    from particell.simulation import Simulation
+from particell.simulated import Simulated
 
 
 @particle_loop
@@ -71,7 +68,7 @@ def surroundings(
 class Spacing:
     """:func:`surroundings` of a simulation."""
 
-    def __init__(self, simulation: Simulation):
+    def __init__(self, simulation: Simulated):
         self.simulation = simulation
         device, n = simulation.device, len(simulation.particles)
         density = [simulation.materials[g.material].density for g in simulation.particles.groups]

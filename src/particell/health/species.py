@@ -10,16 +10,13 @@ and :math:`2\pi/k\Delta` is how many particles a wave of it has.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from particell.health.finding import Finding
 from particell.materials import AVOGADRO
-
-if TYPE_CHECKING:
-    from particell.simulation import Simulation
+from particell.simulated import Simulated
 
 #: Least number of particles per wave of a concentration: diffusion is then 5 to 11 % slow (support
 #: 2 to 3 spacings, Lucy's kernel), at 6 particles 9 to 19 %.
@@ -34,7 +31,7 @@ FEW_PARTICLES = 8
 SAMPLE = 20_000
 
 
-def of_species(simulation: Simulation) -> Iterator[Finding]:
+def of_species(simulation: Simulated) -> Iterator[Finding]:
     """Particles per wave of each concentration that diffuses, and how many molecules it is."""
     chemistry = simulation.chemistry
     if chemistry is None:
@@ -42,7 +39,7 @@ def of_species(simulation: Simulation) -> Iterator[Finding]:
     for name, species in chemistry.species.items():
         if species.molecules:
             continue
-        total = chemistry.totals()[name][0] * simulation.depth_factor * AVOGADRO
+        total = chemistry.totals()[name][0] * simulation.system.depth_factor * AVOGADRO
         if total > 0:
             yield Finding(
                 f"molecules of {name}",
@@ -63,7 +60,7 @@ def of_species(simulation: Simulation) -> Iterator[Finding]:
             )
 
 
-def _per_wave(simulation: Simulation, name: str) -> float | None:
+def _per_wave(simulation: Simulated, name: str) -> float | None:
     s = simulation
     assert s.chemistry is not None
     table = s.chemistry.deterministic

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from particell.health.finding import Finding
-
-if TYPE_CHECKING:
-    from particell.simulation import Simulation
+from particell.simulated import Simulated
 
 #: Part of the fluid next to walls whose support may reach beyond them (corners, odd bodies).
 SEEN_THROUGH = 0.05
@@ -23,7 +20,7 @@ NEXT = 1.3
 SAMPLE = 20_000
 
 
-def of_walls(simulation: Simulation) -> Iterator[Finding]:
+def of_walls(simulation: Simulated) -> Iterator[Finding]:
     """Thickness and spacing of walls, as the phases describe them."""
     s = simulation
     fluids = [p for p in s.phases if p.kind == "fluid" and len(p.points)]
@@ -70,7 +67,7 @@ def of_walls(simulation: Simulation) -> Iterator[Finding]:
     )
 
 
-def _far_end(tree: cKDTree, x: np.ndarray, h: float, simulation: Simulation) -> np.ndarray:
+def _far_end(tree: cKDTree, x: np.ndarray, h: float, simulation: Simulated) -> np.ndarray:
     """Where the support h of fluid at x ends, towards the wall particles in it."""
     domain = simulation.domain
     ends = np.empty_like(x)

@@ -4,19 +4,15 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 from particell.compute.sweep import Sweep
 from particell.errors import InputError, unknown_name
 from particell.laws.equation import equations
 from particell.laws.law import Law
-from particell.schemes.sdpd_solver import SDPDSolver
-
-if TYPE_CHECKING:
-    from particell.simulation import Simulation
+from particell.simulated import Simulated
 
 
-def sweeps_of(simulation: Simulation) -> dict[str, Sweep]:
+def sweeps_of(simulation: Simulated) -> dict[str, Sweep]:
     """The sweeps of a simulation's steps, by name.
 
     Raises
@@ -24,13 +20,12 @@ def sweeps_of(simulation: Simulation) -> dict[str, Sweep]:
     InputError
         For particles at rest, which have none.
     """
-    solver = simulation.solver
-    if not isinstance(solver, SDPDSolver):
+    if simulation.static:
         raise InputError("scheme", "Static", "one in which particles move: no sweeps otherwise")
-    return {sweep.name: sweep for sweep in solver.descriptions()}
+    return {sweep.name: sweep for sweep in simulation.solver.descriptions()}
 
 
-def describe(simulation: Simulation, written: bool = False) -> Iterator[str]:
+def describe(simulation: Simulated, written: bool = False) -> Iterator[str]:
     """Lines: every sweep, its laws (with ``written`` their equations), what they read of j."""
     for name, sweep in sweeps_of(simulation).items():
         made = sweep.source()
@@ -49,7 +44,7 @@ def first_line(law: Law) -> str:
     return (inspect.getdoc(type(law)) or "").split("\n")[0]
 
 
-def generated(simulation: Simulation, name: str) -> list[str]:
+def generated(simulation: Simulated, name: str) -> list[str]:
     """The lines of the loop that a sweep is.
 
     Raises

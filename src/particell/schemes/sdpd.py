@@ -1,7 +1,6 @@
 """SDPD: smoothed dissipative particle dynamics, isothermal; with noise off, plain SPH.
 
-The description says which laws act and with which integrator; the solver that it makes
-(:class:`.SDPDSolver`) owns the compiled loops and steps the particles.
+The description says which laws act, and of which stages a step is made.
 
 References
 ----------
@@ -15,16 +14,35 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from particell.checks import checked, not_negative
-from particell.compute.device import Device
-from particell.compute.neighbours import NeighbourList
 from particell.errors import InputError
 from particell.fields import Field
-from particell.geometry.domain import Domain
 from particell.laws.law import Law
+from particell.laws.viscosity import friction_coefficients
 from particell.materials import Fluid
-from particell.particles import Particles
+from particell.operations.operation import When
 from particell.schemes.checks import check_choice, check_kernel
-from particell.schemes.sdpd_solver import SDPDSolver
+from particell.schemes.solver import Stage
+from particell.schemes.stages import (
+    At,
+    BuildList,
+    ChangeFields,
+    Correct,
+    DensityRates,
+    DrawSpread,
+    Drift,
+    EquationOfState,
+    Forces,
+    KeepShift,
+    Kick,
+    Predict,
+    PredictDensity,
+    Rates,
+    RenewList,
+    ShiftVelocity,
+    SumDensity,
+    TakeSpread,
+    WallPressure,
+)
 from particell.schemes.timestep import VISCOUS, VISCOUS_TRAPEZOIDAL_NOISE
 
 INTEGRATORS = ("velocity-verlet", "trapezoidal")
@@ -99,6 +117,9 @@ class SDPD:
     fields: tuple[Field, ...] = ()
 
     normalise_viscosity: ClassVar[bool] = False
+    species_flux: ClassVar[bool] = False
+    pressure_form: ClassVar[str] = "symmetric"
+    at_rest: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         if self.skin is None:
@@ -145,19 +166,83 @@ class SDPD:
     @staticmethod
     def friction(material: Fluid, dim: int) -> tuple[float, float]:
         """Transverse and radial factor of F/(d_i d_j) in the friction of a material, in Pa s."""
-        return SDPDSolver.friction(material, dim)
+        return friction_coefficients(material.viscosity, material.bulk_viscosity, dim)
 
-    def solver(
-        self,
-        device: Device,
-        domain: Domain,
-        particles: Particles,
-        neighbours: NeighbourList,
-        materials: list[Fluid],
-        seed: int,
-        depth_factor: float,
-    ) -> SDPDSolver:
-        """The compiled form of this scheme for a set of particles."""
-        return SDPDSolver(
-            self, device, domain, particles, neighbours, materials, seed, depth_factor
-        )
+    @property
+    def keeps_volume(self) -> bool:
+        """See :class:`.KeptVolume`; without shifting what keeps particles apart is their pressure.
+
+        It comes from a mean density that has climbed a little: were that taken away, half of the
+        fluid would be under tension, and clump.
+        """
+        return self.shifting > 0
+
+    def first_stages(self) -> list[Stage]:
+        """What comes before the first step."""
+        return [
+            At(When.MOVED, 0.0),
+            BuildList(),
+            At(When.START),
+            *self._densities(0.0),
+            At(When.BEGUN),
+            Forces(ahead=0),
+            *([KeepShift()] if self.shifting else []),
+        ]
+
+    def stages(self) -> list[Stage]:
+        """A step."""
+        if self.integrator == "trapezoidal":
+            return self._trapezoidal()
+        return self._velocity_verlet()
+
+    def _densities(self, part: float) -> list[Stage]:
+        """Density after a part of the step (or summed), pressure, volume; then that of walls."""
+        if self.density == "summation":
+            first: list[Stage] = [SumDensity(), EquationOfState(0.0)]
+        else:
+            first = [EquationOfState(part)]
+        return [*first, At(When.FORCES), WallPressure()]
+
+    def _velocity_verlet(self) -> list[Stage]:
+        """Kick, drift, kick; one force sweep a step, not iterated; friction as :meth:`.Flow.lead`.
+
+        The continuity equation is integrated by the midpoint rule, with positions and velocities
+        at n + 1/2: that is the leapfrog of density and velocity, which neither damps nor feeds
+        sound. (Rates taken with the forces, at n + 1, are late by half a step.) The densities and
+        volumes in it are extrapolated to n + 1/2 too, else it would be of first order.
+        """
+        half_way: list[Stage] = [At(When.MOVED, 0.5), PredictDensity(0.5), DensityRates()]
+        drift = [Drift(1.0)] if self.density == "summation" else [Drift(), *half_way, Drift()]
+        return [
+            TakeSpread(),
+            Kick(),
+            ChangeFields(),
+            *([ShiftVelocity()] if self.shifting else []),
+            RenewList(),
+            *drift,
+            At(When.MOVED, 1.0),
+            At(When.DRIFTED),
+            *self._densities(1.0),
+            Forces(),
+            Kick(),
+            ChangeFields(),
+            At(When.END),
+            DrawSpread(),
+        ]
+
+    def _trapezoidal(self) -> list[Stage]:
+        """The papers' explicit two-stage rule; the same noise in both stages."""
+        rates: list[Stage] = [Rates(density=self.density != "summation"), ChangeFields()]
+        return [
+            RenewList(),
+            *rates,
+            Predict(),
+            At(When.MOVED, 1.0),
+            *self._densities(0.0),
+            *rates,
+            Correct(),
+            At(When.MOVED, 1.0),
+            At(When.DRIFTED),
+            *self._densities(0.0),
+            At(When.END),
+        ]

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 from particell.checks import checked
-from particell.compute.device import Device
-from particell.compute.neighbours import NeighbourList
 from particell.errors import InputError
-from particell.geometry.domain import Domain
-from particell.materials import Fluid
-from particell.particles import Particles
+from particell.fields import Field
+from particell.laws.law import Law
+from particell.operations.operation import When
 from particell.schemes.checks import check_kernel
+from particell.schemes.solver import Stage
+from particell.schemes.stages import At, BuildList
 
 
 @checked
@@ -32,41 +33,21 @@ class Static:
     fluctuations: bool = False
     gravity: None = None
 
+    at_rest: ClassVar[bool] = True
+    impenetrable: ClassVar[bool] = False
+    species_flux: ClassVar[bool] = False
+    fields: ClassVar[tuple[Field, ...]] = ()
+    more: ClassVar[tuple[Law, ...]] = ()
+
     def __post_init__(self) -> None:
         check_kernel(self.kernel, self.support)
         if not 0 < self.skin <= 1:
             raise InputError("skin", self.skin, "between 0 and 1 supports")
 
-    def solver(
-        self,
-        device: Device,
-        domain: Domain,
-        particles: Particles,
-        neighbours: NeighbourList,
-        materials: list[Fluid],
-        seed: int,
-        depth_factor: float,
-    ) -> StaticSolver:
-        """What holds the particles still."""
-        return StaticSolver(particles, neighbours)
+    def first_stages(self) -> list[Stage]:
+        """The neighbour list."""
+        return [BuildList(), At(When.START), At(When.BEGUN)]
 
-
-class StaticSolver:
-    """Builds the neighbour list once; a step does nothing."""
-
-    def __init__(self, particles: Particles, neighbours: NeighbourList):
-        self.particles, self.neighbours = particles, neighbours
-        self.time = 0.0  # nothing depends on it
-
-    def initialise(self, step: int, dt: float) -> None:
-        """Build the neighbour list."""
-        self.neighbours.build(self.particles)
-
-    def restore(self) -> None:
-        """Nothing to do: the neighbour list was put back."""
-
-    def step(self, step: int, dt: float) -> None:
+    def stages(self) -> list[Stage]:
         """Nothing moves."""
-
-    def finish(self, step: int, dt: float) -> None:
-        """Nothing moved."""
+        return [At(When.END)]

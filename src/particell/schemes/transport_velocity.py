@@ -1,7 +1,8 @@
 """Weakly compressible SPH with a transport velocity: particles stay evenly spread.
 
-The description; the solver that it makes is :class:`.TransportVelocitySolver`. Equations are in
-:mod:`particell.laws.transport_velocity` and :mod:`particell.laws.shifting`.
+Forces, list and walls are those of :class:`~particell.schemes.sdpd.SDPD` without noise, with the
+viscosity of Morris, Fox & Zhu (J. Comput. Phys. 136 (1997) 214): 2η F/(d_i d_j) v_ij. Equations are
+in :mod:`particell.laws.transport_velocity` and :mod:`particell.laws.shifting`.
 
 References
 ----------
@@ -14,18 +15,34 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from particell.checks import checked, not_negative
-from particell.compute.device import Device
-from particell.compute.neighbours import NeighbourList
 from particell.errors import InputError
 from particell.fields import Field
-from particell.geometry.domain import Domain
 from particell.kernels import kernel_code
 from particell.laws.law import Law
 from particell.laws.transport_velocity import FORMS
 from particell.materials import Fluid
-from particell.particles import Particles
+from particell.operations.operation import When
+from particell.schemes.solver import Stage
+from particell.schemes.stages import (
+    AddFlux,
+    At,
+    BuildList,
+    ChangeFields,
+    Drift,
+    EquationOfState,
+    EverySteps,
+    FilterDensity,
+    FluxRates,
+    Forces,
+    KeepShift,
+    KernelSums,
+    Kick,
+    PredictDensity,
+    RenewList,
+    ShiftVelocity,
+    WallPressure,
+)
 from particell.schemes.timestep import VISCOUS
-from particell.schemes.transport_velocity_solver import TransportVelocitySolver
 
 #: Largest δ: explicit diffusion at the time step that sound allows is unstable at 0.3.
 MOST_DIFFUSION = 0.2
@@ -129,6 +146,7 @@ class TransportVelocity:
     noise: ClassVar[str] = "bounded"
     fluctuations: ClassVar[bool] = False
     viscous_factor: ClassVar[float] = VISCOUS
+    at_rest: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         kernel_code(self.kernel)
@@ -165,20 +183,69 @@ class TransportVelocity:
 
     @staticmethod
     def friction(material: Fluid, dim: int) -> tuple[float, float]:
-        """Transverse and radial factor of F/(d_i d_j) in the friction of a material, in Pa s."""
-        return TransportVelocitySolver.friction(material, dim)
+        """The transverse factor 2η of F/(d_i d_j) in Pa s; there is no radial friction."""
+        if material.bulk_viscosity:
+            raise InputError(
+                "bulk_viscosity", material.bulk_viscosity, "zero with TransportVelocity"
+            )
+        return 2.0 * material.viscosity, 0.0
 
-    def solver(
-        self,
-        device: Device,
-        domain: Domain,
-        particles: Particles,
-        neighbours: NeighbourList,
-        materials: list[Fluid],
-        seed: int,
-        depth_factor: float,
-    ) -> TransportVelocitySolver:
-        """The compiled form of this scheme for a set of particles."""
-        return TransportVelocitySolver(
-            self, device, domain, particles, neighbours, materials, seed, depth_factor
-        )
+    @property
+    def pressure_form(self) -> str:
+        """See :class:`.PressureForce`."""
+        return "switched" if self.pressure_switch else self.pressure_force
+
+    @property
+    def keeps_volume(self) -> bool | None:
+        """See :class:`.KeptVolume`."""
+        return self.fixed_volume
+
+    def _forces(self, ahead: int) -> list[Stage]:
+        sums: list[Stage] = [KernelSums()] if self.normalise_viscosity else []
+        return [*sums, Forces(ahead)]
+
+    def first_stages(self) -> list[Stage]:
+        """What comes before the first step."""
+        return [
+            At(When.MOVED, 0.0),
+            BuildList(),
+            At(When.START),
+            *_densities(0.0),
+            At(When.BEGUN),
+            *self._forces(0),
+            KeepShift(),
+        ]
+
+    def stages(self) -> list[Stage]:
+        """Kick, drift, kick with two sweeps: fluxes half-way, forces at the end of the drift.
+
+        δv is known with the forces, where the step begins; what it is in the middle of the step
+        holds for all of it. Mass and momentum cross between particles with the very δv that moves
+        these, at x and v of the half step, to which the last flux has brought v.
+        """
+        return [
+            Kick(),
+            ChangeFields(),
+            ShiftVelocity(),
+            RenewList(),
+            Drift(),
+            At(When.MOVED, 0.5),
+            PredictDensity(),
+            FluxRates(self.renormalise, self.momentum_flux),
+            At(When.HALF),
+            Drift(),
+            At(When.MOVED, 1.0),
+            At(When.DRIFTED),
+            AddFlux(),
+            *_densities(1.0),
+            EverySteps(self.filter_every, (FilterDensity(), *_densities(0.0))),
+            *self._forces(1),
+            Kick(),
+            ChangeFields(),
+            At(When.END),
+        ]
+
+
+def _densities(part: float) -> list[Stage]:
+    """Density after a part of the step, pressure, volume; then that of walls."""
+    return [EquationOfState(part), At(When.FORCES), WallPressure()]

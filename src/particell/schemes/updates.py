@@ -28,9 +28,14 @@ def kick(i, v, a, wall_friction, dt, *, DIM, HELD):
 
 
 @particle_loop
-def change(i, is_wall, value, rate, dt):
+def change(i, is_wall, value, rate, dt, *, COLUMNS):
     """A field after dt by its rate; walls keep theirs."""
-    if not is_wall[i]:
+    if is_wall[i]:
+        return
+    if COLUMNS:
+        for d in range(COLUMNS):
+            value[i, d] += dt * rate[i, d]
+    else:
         value[i] += dt * rate[i]
 
 
@@ -88,20 +93,6 @@ def transport_velocity(
         transport[i, d] = v[i, d] + factor * transport[i, d]
         if FLUX:
             transport[i, d] += 0.5 * dt * flux[i, d]
-
-
-@particle_loop
-def fluid_volume(i, is_wall, mass, density, part):
-    """The volume m/ρ of a mobile particle, 0 for walls."""
-    part[i, 0] = 0.0 if is_wall[i] else mass[i] / density[i]
-
-
-@particle_loop
-def scale_density(i, is_wall, mass, density, volume, factor):
-    """ρ ← ρ factor for mobile particles."""
-    if not is_wall[i]:
-        density[i] *= factor
-        volume[i] = mass[i] / density[i]
 
 
 @particle_loop

@@ -8,14 +8,16 @@ start (:func:`is_enclosed`).
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from particell.compute.device import Device
 from particell.geometry.domain import Domain
+from particell.operations.operation import Operation, When
 from particell.particles import Particles
+from particell.state import State
 
 #: Share of its support that is filled for a particle in the bulk, at least: half is a surface.
 FULL = 0.75
@@ -27,40 +29,38 @@ SAMPLE = 1000
 PER_SPACING, MOST_PLACES = 4, 16384
 
 
-class RestPressure:
+class RestPressure(Operation):
     """P^H of a set of particles, as arrays for loops; zero until :meth:`tabulate` finds one.
 
     Parameters
     ----------
-    device, domain, particles
-        Where loops run; the box; the particles at the start.
+    state
+        The state at the start.
     gravity
         In m/s², shape (D,).
     contrast
         Whether there are fluids of several densities.
     """
 
-    def __init__(
-        self,
-        device: Device,
-        domain: Domain,
-        particles: Particles,
-        gravity: np.ndarray,
-        contrast: bool,
-    ) -> None:
-        self.device, self.domain, self.particles = device, domain, particles
-        self.gravity = gravity
+    def __init__(self, state: State, gravity: np.ndarray, contrast: bool) -> None:
+        self.device, self.domain, self.particles = state.device, state.domain, state.particles
+        self.gravity, domain, device = gravity, state.domain, state.device
+        particles = state.particles
         x = particles.host("x").astype(float)
         spacing = float(particles.host("volume").min()) ** (1 / domain.dim)
         across = float(np.linalg.norm(np.ptp(x, axis=0)))
         self._places = int(min(PER_SPACING * across / spacing, MOST_PLACES)) + 3
         self._enclosed: bool | None = None
         self._contrast = contrast
-        self.fields: dict[str, Any] = {
+        self.tables: dict[str, Any] = {
             "rest_axis": device.array(np.zeros(domain.dim + 3)),
             "rest_weight": device.array(np.zeros(self._places)),
             "rest_pressure": device.array(np.zeros(self._places)),
         }
+
+    def acts(self) -> Mapping[When, Callable[[State], None]]:
+        """It tabulates at the start, and where fluids have moved when lists are built."""
+        return {When.BEGUN: lambda _: self.tabulate(), When.LIST: lambda _: self.follow()}
 
     def follow(self) -> None:
         """Tabulate anew, where what is at s may have become another fluid.
@@ -134,17 +134,17 @@ class RestPressure:
     def put(self, values: dict[str, np.ndarray]) -> None:
         """Write tables."""
         for name, array in values.items():
-            self.device.write(self.fields[name], array)
+            self.device.write(self.tables[name], array)
 
-    def state(self) -> dict[str, np.ndarray]:
-        """What a run that goes on needs, for :meth:`restore`: tables, and whether it has any."""
-        tables = {k: np.array(self.device.to_host(v)) for k, v in self.fields.items()}
+    def saved(self) -> dict[str, Any]:
+        """Tables, and whether it has any."""
+        tables = {k: np.array(self.device.to_host(v)) for k, v in self.tables.items()}
         return {**tables, "enclosed": np.array(self._enclosed is True)}
 
-    def restore(self, state: dict[str, np.ndarray]) -> None:
-        """Put the :meth:`state` of another run back."""
-        self.put({name: state[name] for name in self.fields})
-        self._enclosed = bool(state.get("enclosed", np.any(state["rest_axis"])))
+    def restore(self, saved: Mapping[str, Any]) -> None:
+        """See :meth:`.Operation.restore`."""
+        self.put({name: saved[name] for name in self.tables})
+        self._enclosed = bool(saved["enclosed"])
 
 
 def is_enclosed(domain: Domain, particles: Particles) -> bool:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -11,15 +11,15 @@ from particell.boundaries.impenetrable import turn_back
 from particell.boundaries.moving import WallMotion, place_walls
 from particell.boundaries.volume_fraction import bounce_back, fraction_profile, measure_walls
 from particell.errors import InputError
+from particell.fields import Field, work
 from particell.geometry.program import program_of, program_table
 from particell.kernels import kernel_code, normalisation
+from particell.operations.operation import Operation, When
 from particell.phases import Phase
-
-if TYPE_CHECKING:
-    from particell.simulation import Simulation
+from particell.state import State
 
 
-class Walls:
+class Walls(Operation):
     """All walls of a simulation, for whatever scheme.
 
     Walls with a surface made of half-spaces, balls and boxes turn particles back at that surface
@@ -28,13 +28,19 @@ class Walls:
     (:mod:`particell.boundaries.volume_fraction`) in any case.
     """
 
-    def __init__(self, simulation: Simulation, boundaries: Sequence[Any]):
-        self.simulation = simulation
-        s, phases = simulation, simulation.phases
-        particles, dim = s.particles, s.domain.dim
-        self.motions = self._motions([b for b in boundaries if isinstance(b, WallMotion)])
-        walls = [p.kind == "wall" and not s.static for p in phases]
-        impenetrable = bool(getattr(s.scheme, "impenetrable", False))
+    def __init__(
+        self,
+        state: State,
+        motions: Sequence[WallMotion],
+        kernel: str,
+        support: float,
+        impenetrable: bool,
+        at_rest: bool,
+    ):
+        self.state = state
+        phases, dim = state.phases, state.dim
+        self.motions = self._checked(motions, at_rest)
+        walls = [p.kind == "wall" and not at_rest for p in phases]
         programs = [
             program_of(p.surface, dim) if w else None for p, w in zip(phases, walls, strict=True)
         ]
@@ -51,8 +57,26 @@ class Walls:
         measured = [u or b for u, b in zip(unknown, bounced, strict=True)]
         self.turns_back, self.bounces, self.measures = any(solid), any(bounced), any(measured)
         self.active = bool(self.motions) or self.turns_back or self.measures
-        if not self.active:
-            return
+        self.fields = tuple(self._declared(dim, impenetrable)) if self.active else ()
+        if self.active:
+            self._tabulate(programs, solid, measured, kernel, support)
+
+    def _declared(self, dim: int, impenetrable: bool) -> list[Field]:
+        found = [work(name, dim) for name in ("body_point", "body_normal", "wall_acceleration")]
+        if impenetrable:
+            found.append(Field("bounces", kind=np.int64))
+        if self.bounces:
+            found.append(work("fraction_before"))
+        if self.measures:
+            found += [work("wall_fraction"), work("wall_direction", dim)]
+            found.append(work("wall_distance"))
+        return found
+
+    def _tabulate(
+        self, programs: list, solid: list[bool], measured: list[bool], kernel: str, support: float
+    ) -> None:
+        """Tables by group: motions, surfaces, the fraction's profile."""
+        s, dim, phases = self.state, self.state.dim, self.state.phases
         array, groups = s.device.array, len(phases)
         self.tables: dict[str, Any] = {
             "centre": np.zeros((groups, dim)),
@@ -69,10 +93,8 @@ class Walls:
             if motion.centre is not None:
                 self.tables["centre"][names.index(name)] = motion.centre
         first, codes, numbers = program_table(programs, dim)
-        code = kernel_code(s.scheme.kernel)
-        profile = np.zeros(1)
-        if self.measures:
-            profile = fraction_profile(s.scheme.kernel, dim, s.scheme.support)
+        code = kernel_code(kernel)
+        profile = fraction_profile(kernel, dim, support) if self.measures else np.zeros(1)
         self.constants = {name: array(values) for name, values in self.tables.items()}
         self.constants |= {
             "moves": array(moves),
@@ -85,28 +107,37 @@ class Walls:
             "alpha": normalisation(code, dim),
         }
         self._options = {"DIM": dim, "KERNEL": code}
-        x, normal = particles.host("x").copy(), particles.host("wall_normal").copy()
-        particles.add("body_point", dim, values=x)
-        particles.add("body_normal", dim, values=normal)
-        particles.add("wall_acceleration", dim)
-        if impenetrable:
-            particles.add("bounces", dtype=np.int64)
-        if self.bounces:
-            particles.add("fraction_before")
-        if self.measures:
-            particles.add("wall_fraction")
-            particles.add("wall_direction", dim)
-            particles.add("wall_distance", values=np.full(len(particles), np.inf))
         self._rows: Any = None
         self._place: Any = None
         self._scratch: dict[str, Any] = {}
 
-    def _motions(self, motions: list[WallMotion]) -> dict[str, WallMotion]:
-        s = self.simulation
+    def attach(self, state: State) -> None:
+        """Note where bodies are at t = 0."""
+        if self.active:
+            state.particles.set("body_point", state.particles.host("x"))
+            state.particles.set("body_normal", state.particles.host("wall_normal"))
+        if self.measures:
+            state.particles.set("wall_distance", np.array(np.inf))
+
+    def acts(self) -> Mapping[When, Callable[[State], None]]:
+        """What walls do in a step, as far as there are such."""
+        found: dict[When, Callable[[State], None]] = {}
+        if self.motions:
+            found[When.MOVED] = self.move
+        if self.measures:
+            found[When.PAIRS] = self.measure
+        if self.turns_back:
+            found[When.DRIFTED] = self.turn_back
+        if self.bounces:
+            found[When.END] = self.bounce_back
+        return found
+
+    def _checked(self, motions: Sequence[WallMotion], at_rest: bool) -> dict[str, WallMotion]:
+        s = self.state
         walls = {p.name: p for p in s.phases if p.kind == "wall"}
         found: dict[str, WallMotion] = {}
         for motion in motions:
-            if s.static:
+            if at_rest:
                 raise InputError("boundaries", motion, "no WallMotion with Static")
             if motion.group not in walls:
                 raise InputError("group", motion.group, f"one of {', '.join(walls) or 'no walls'}")
@@ -123,74 +154,81 @@ class Walls:
 
     def _bind(self) -> None:
         """Look up arrays again where those of the neighbour list are new."""
-        s = self.simulation
+        s = self.state
         listed = s.neighbours.fields["neighbours"]
         if self._rows is listed:
             return
         self._rows = listed
-        fields = {**s.neighbours.fields, **s.particles.fields, **self.constants}
-        fields.setdefault("transport", fields["v"])
-        bind, options = s.device.bind, self._options
+        more = dict(self.constants)
+        if "transport" not in s.particles:
+            more["transport"] = s.particles["v"]
+        options = self._options
         if self.turns_back:
-            self._turn_back = bind(turn_back, fields, **options)
+            self._turn_back = s.bind(turn_back, more, **options)
         if self.measures:
             uniform = bool(s.neighbours.constants["UNIFORM"])
             sweep = measure_walls(options["DIM"], options["KERNEL"], uniform)
+            fields = {**s.neighbours.fields, **s.particles.fields, **more}
             self._measure = sweep.bind(s.device, fields, self._scratch)
         if self.bounces:
-            self._bounce_back = bind(bounce_back, fields, **options)
+            self._bounce_back = s.bind(bounce_back, more, **options)
 
-    def move(self, time: float) -> None:
-        """Put walls that move as rigid bodies where they are at a time in s."""
-        if not self.motions:
-            return
-        s = self.simulation
-        for g, phase in enumerate(s.phases):
+    def move(self, state: State) -> None:
+        """Put walls that move as rigid bodies where they are."""
+        for g, phase in enumerate(state.phases):
             if phase.name in self.motions:
-                state = self.motions[phase.name].state(time, s.dt, s.domain.dim)
-                for name, values in state.items():
+                motion = self.motions[phase.name].state(state.time, state.dt, state.dim)
+                for name, values in motion.items():
                     self.tables[name][g] = values
         for name, values in self.tables.items():
-            s.device.write(self.constants[name], values)
+            state.device.write(self.constants[name], values)
         if self._place is None:
-            fields = {**s.neighbours.fields, **s.particles.fields, **self.constants}
-            self._place = s.device.bind(place_walls, fields, DIM=s.domain.dim)
-        self._place(len(s.particles))
+            self._place = state.bind(place_walls, self.constants, DIM=state.dim)
+        self._place(state.n)
 
-    def measure(self) -> None:
+    def measure(self, state: State) -> None:
         """Fraction, direction and distance of walls at the particles' places."""
-        if self.measures:
-            self._bind()
-            self._measure(len(self.simulation.particles))
+        self._bind()
+        self._measure(state.n)
 
-    def turn_back(self) -> None:
+    def turn_back(self, state: State) -> None:
         """Put what has crossed a known surface back."""
-        if self.turns_back:
-            self._bind()
-            self._turn_back(len(self.simulation.particles), self.simulation.dt)
+        self._bind()
+        self._turn_back(state.n, state.dt)
 
-    def bounce_back(self) -> None:
+    def bounce_back(self, state: State) -> None:
         """Turn what is inside walls without a known surface and moves on into them."""
-        if self.bounces:
-            self._bind()
-            self._bounce_back(len(self.simulation.particles), self.simulation.dt)
+        self._bind()
+        self._bounce_back(state.n, state.dt)
+
+    def counts(self, state: State) -> dict[str, float]:
+        """How often walls turned particles back, and how many are beyond a surface."""
+        particles = state.particles
+        if "bounces" not in particles:
+            return {}
+        mobile = particles.host("is_wall") == 0
+        inside = self.inside(np.array(particles.host("x")[mobile], dtype=float), state.time)
+        return {
+            "bounces": float(particles.host("bounces").sum()),
+            "inside walls": float(inside.sum()),
+        }
 
     def inside(self, x: np.ndarray, time: float) -> np.ndarray:
         """Mask (n,) of the points x (n, D) that lie beyond the surface of a wall at a time."""
         found = np.zeros(len(x), dtype=bool)
-        for phase in self.simulation.phases:
+        for phase in self.state.phases:
             if phase.kind == "wall" and phase.surface is not None and len(phase.points):
                 found |= phase.surface.signed_distance(self._in_body(phase, x, time)) < 0
         return found
 
     def _in_body(self, phase: Phase, x: np.ndarray, time: float) -> np.ndarray:
         """Points in the frame of a body: where they would be at t = 0 if they moved with it."""
-        domain = self.simulation.domain
+        domain = self.state.domain
         middle = phase.points.mean(axis=0)
         rotation, now = np.eye(domain.dim), middle
         motion = self.motions.get(phase.name)
         if motion is not None:
-            state = motion.state(time, self.simulation.dt, domain.dim)
+            state = motion.state(time, self.state.dt, domain.dim)
             rotation = state["rotation"].reshape(domain.dim, domain.dim)
             centre = np.zeros(domain.dim) if motion.centre is None else np.array(motion.centre)
             now = centre + state["displacement"] + rotation @ (middle - centre)

@@ -2,24 +2,33 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
 from particell.chemistry import crossings
+from particell.chemistry.contents import Contents
 from particell.compute.device import Device
 from particell.compute.philox import CARRIAGE, stream_key
 from particell.compute.reduce import Reduction
 from particell.compute.threads import available_threads
 from particell.errors import InputError
 from particell.laws import species_flux
+from particell.operations.operation import Operation, When
+from particell.schemes.flow import Flow
+from particell.state import State
 
-if TYPE_CHECKING:
-    from particell.simulation import Simulation
 
-
-class Carriage:
+class Carriage(Operation):
     """Moves what particles hold between them by :mod:`particell.laws.species_flux`.
+
+    Parameters
+    ----------
+    species
+        What particles hold.
+    flow
+        Whose shift carries it.
 
     Attributes
     ----------
@@ -32,62 +41,70 @@ class Carriage:
         For species that switch between molecules and amounts.
     """
 
-    def __init__(self, simulation: Simulation):
-        chemistry, particles = simulation.chemistry, simulation.particles
-        assert chemistry is not None
-        for name, species in chemistry.species.items():
-            if species.switches:
+    when = When.HALF
+
+    def __init__(self, species: Contents, flow: Flow):
+        for name, each in species.species.items():
+            if each.switches:
                 raise InputError(
                     "species_flux", True, f"False with a species that switches ('{name}')"
                 )
-        self.simulation = simulation
+        self.species, self.flow = species, flow
+        self.molecules: Molecules | None = None
         self._rows: Any = None
         self._kinds: list[Amounts] = []
-        fluid = np.array([g.kind == "fluid" for g in particles.groups])
-        tables = chemistry.deterministic
+
+    def attach(self, state: State) -> None:
+        """Make what carries amounts, and what carries molecules."""
+        fluid = np.array([g.kind == "fluid" for g in state.particles.groups])[:, None]
+        tables = self.species.deterministic
         if tables.names:
-            carries = tables.present & fluid[:, None]
-            self._kinds.append(Amounts(simulation.device, carries, particles["amount"]))
-        tables = chemistry.stochastic
-        self.molecules: Molecules | None = None
+            carries = tables.present & fluid
+            self._kinds.append(Amounts(state.device, carries, state.particles["amount"]))
+        tables = self.species.stochastic
         if tables.names:
-            carries = tables.present & fluid[:, None]
-            self.molecules = Molecules(simulation.device, carries, len(particles), simulation.seed)
+            carries = tables.present & fluid
+            self.molecules = Molecules(state.device, carries, state.n, state.seed)
             self._kinds.append(self.molecules)
 
     @property
     def crossings(self) -> tuple[float, float]:
-        """Expected and unmet numbers of molecules so far, for a checkpoint."""
+        """Expected and unmet numbers of molecules so far."""
         m = self.molecules
         return (m.expected, m.unmet) if m else (0.0, 0.0)
 
-    @crossings.setter
-    def crossings(self, numbers: tuple[float, float]) -> None:
-        if self.molecules:
-            self.molecules.expected, self.molecules.unmet = numbers
+    def counts(self, state: State) -> dict[str, float]:
+        """What particles owed and did not hold, as a part of what was to cross."""
+        return {"molecules' flux not met": self.molecules.unmet_part} if self.molecules else {}
 
-    def apply(self, step: int, dt: float) -> None:
-        """Carry all species during dt in s; ``step`` fixes the random numbers."""
-        rows = self.simulation.neighbours.fields["neighbours"]
+    def saved(self) -> dict[str, Any]:
+        """See :meth:`.Operation.saved`."""
+        return {"crossings": self.crossings}
+
+    def restore(self, saved: Mapping[str, Any]) -> None:
+        """See :meth:`.Operation.restore`."""
+        if self.molecules:
+            self.molecules.expected, self.molecules.unmet = saved["crossings"]
+
+    def __call__(self, state: State) -> None:
+        """Carry all species during a time step."""
+        rows = state.neighbours.fields["neighbours"]
         if self._rows is not rows:  # those of the neighbour list are new
             self._rows = rows
-            self._bind(len(rows))
-        n = len(self.simulation.particles)
-        self._pair_shifts(n, half_step=0.5 * dt)
+            self._bind(state, len(rows))
+        clock = state.clock
+        self._pair_shifts(state.n, half_step=0.5 * clock.dt)
         for kind in self._kinds:
-            kind.apply(n, step, dt)
+            kind.apply(state.n, clock.step, clock.dt)
 
-    def _bind(self, pairs: int) -> None:
-        s, device = self.simulation, self.simulation.device
+    def _bind(self, state: State, pairs: int) -> None:
         shifts = {
-            "own_shift": device.zeros(pairs, np.float64),
-            "its_shift": device.zeros(pairs, np.float64),
+            "own_shift": state.device.zeros(pairs, np.float64),
+            "its_shift": state.device.zeros(pairs, np.float64),
         }
-        fields = {**s.neighbours.fields, **s.particles.fields, **shifts}
-        solver: Any = s.solver
-        self._pair_shifts = solver.bound(solver.sweeps().pair_shifts(), **shifts)
+        self._pair_shifts = self.flow.bound(self.flow.sweeps().pair_shifts(), **shifts)
         for kind in self._kinds:
-            kind.bind(fields)
+            kind.bind(self.flow.fields(shifts))
 
 
 class Amounts:

@@ -1,0 +1,97 @@
+"""Functions of a script that are called while a simulation runs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+
+from particell.checks import checked, positive
+from particell.errors import InputError
+from particell.operations.operation import Operation, When
+from particell.state import State
+
+
+@checked
+class Every(Operation):
+    """Call a function every so many steps, or every interval of time.
+
+    Parameters
+    ----------
+    function
+        Called with the :class:`~particell.state.State`, of which it may read and set fields.
+    steps
+        Steps from one call to the next.
+    interval
+        Or the time in s: it is called at the end of the first step that has reached a multiple of
+        it.
+    when
+        The moment of the step, by default its end.
+    name
+        By which checkpoints know it; by default that of the function.
+
+    Raises
+    ------
+    InputError
+        Where it is not one of ``steps`` and ``interval``.
+    """
+
+    def __init__(
+        self,
+        function: Callable[[State], None],
+        steps: int | None = None,
+        interval: float | None = None,
+        when: When = When.DONE,
+        name: str | None = None,
+    ):
+        if (steps is None) == (interval is None):
+            raise InputError("steps", steps, "given, or interval, and not both")
+        if steps is not None and steps < 1:
+            raise InputError("steps", steps, "1 or more")
+        if interval is not None:
+            positive("interval", interval)
+        self.function, self.interval, self.when = function, interval, when
+        self.every = steps or 1
+        self._name = name or getattr(function, "__name__", type(function).__name__)
+
+    @property
+    def name(self) -> str:
+        """See the class."""
+        return self._name
+
+    def __call__(self, state: State) -> None:
+        """Call the function, where it is time to."""
+        if self.interval is not None:
+            clock = state.clock
+            end = clock.time if self.when is When.DONE else clock.time + clock.dt
+            due = math.floor(end / self.interval * (1 + 1e-12))
+            if due == math.floor((end - clock.dt) / self.interval * (1 + 1e-12)):
+                return
+        self.function(state)
+
+
+class Observables(Operation):
+    """Numbers of a script in the time series: functions of the state, by name."""
+
+    def __init__(self, functions: Mapping[str, Callable[[State], float]]):
+        self.functions = dict(functions)
+
+    def acts(self) -> Mapping[When, Callable[[State], None]]:
+        """It only looks."""
+        return {}
+
+    def observables(self, state: State) -> dict[str, float]:
+        """One number of each.
+
+        Raises
+        ------
+        InputError
+            Where a function returns no number.
+        """
+        found = {}
+        for name, function in self.functions.items():
+            value = function(state)
+            try:
+                found[name] = float(value)
+            except (TypeError, ValueError):
+                raise InputError(f"observable '{name}'", value, "a number") from None
+        return found

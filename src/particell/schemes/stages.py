@@ -1,0 +1,431 @@
+"""What steps are made of: schemes are lists of these, in the order in which they run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+from particell.boundaries.wall_friction import FREE, draw_spread, friction_width, take_spread
+from particell.compute.philox import VELOCITY_SPREAD, stream_key
+from particell.compute.sweep import Sweep
+from particell.fields import RATE, Field, work
+from particell.operations.operation import When
+from particell.schemes import updates
+from particell.schemes.flow import Flow
+from particell.schemes.solver import Run, Solver, Stage
+
+
+@dataclass(frozen=True)
+class At(Stage):
+    """The operations of a moment; with ``part`` positions have come to that part of the step."""
+
+    when: When
+    part: float | None = None
+    pointwise: ClassVar[bool] = False
+
+    def bind(self, solver: Solver) -> Run | None:
+        """See :meth:`Stage.bind`."""
+        fire, part, clock = solver.operations.at(self.when), self.part, solver.state.clock
+        if part is None:
+            return fire
+
+        def reach() -> None:
+            clock.now = clock.time + part * clock.dt
+            if fire is not None:
+                fire()
+
+        return reach
+
+
+@dataclass(frozen=True)
+class BuildList(Stage):
+    """The neighbour list at the present positions."""
+
+    pointwise: ClassVar[bool] = False
+
+    def bind(self, solver: Solver) -> Run:
+        """See :meth:`Stage.bind`."""
+        return solver.build_list
+
+
+@dataclass(frozen=True)
+class RenewList(Stage):
+    """The neighbour list anew, where it does not hold to the end of the step."""
+
+    pointwise: ClassVar[bool] = False
+
+    def bind(self, solver: Solver) -> Run:
+        """See :meth:`Stage.bind`."""
+        state, p = solver.state, solver.state.particles
+        needs_build, x = state.neighbours.needs_build, p["x"]
+        velocity = p["transport" if "transport" in p else "v"]
+
+        def renew() -> None:
+            if needs_build(x, velocity, state.clock.dt):
+                solver.build_list()
+
+        return renew
+
+
+@dataclass(frozen=True)
+class Kick(Stage):
+    """v += part dt a, beside walls as :mod:`particell.boundaries.wall_friction` says."""
+
+    part: float = 0.5
+
+    def fields(self, flow: Flow) -> Sequence[Field]:
+        """See :meth:`Stage.fields`."""
+        if flow.held == FREE:
+            return ()
+        return (work("wall_friction", friction_width(flow.held, flow.state.dim)),)
+
+    def bind(self, solver: Solver) -> Run:
+        """See :meth:`Stage.bind`."""
+        kick = solver.loop(updates.kick, DIM=solver.state.dim, HELD=solver.flow.held)
+        return solver.during(kick, self.part)
+
+
+@dataclass(frozen=True)
+class ChangeFields(Stage):
+    """Fields of the user's: f += part dt df/dt."""
+
+    part: float = 0.5
+
+    def bind(self, solver: Solver) -> Run | None:
+        """See :meth:`Stage.bind`."""
+        p, loops = solver.state.particles, []
+        for field in solver.scheme.fields:
+            pair = {"value": p[field.name], "rate": p[field.name + RATE]}
+            loops.append(solver.loop(updates.change, pair, COLUMNS=field.components))
+        if not loops:
+            return None
+        n, clock, part = solver.state.n, solver.state.clock, self.part
+
+        def change() -> None:
+            for loop in loops:
+                loop(n, part * clock.dt)
+
+        return change
+
+
+@dataclass(frozen=True)
+class Drift(Stage):
+    """x += part dt v, or v + δv."""
+
+    part: float = 0.5
+
+    def bind(self, solver: Solver) -> Run:
+        """See :meth:`Stage.bind`."""
+        return solver.during(solver.loop(updates.drift, DIM=solver.state.dim), self.part)
+
+
+@dataclass(frozen=True)
+class ShiftVelocity(Stage):
+    """v + δv in the middle of the step, by which particles move."""
+
+    def fields(self, flow: Flow) -> Sequence[Field]:
+        """See :meth:`Stage.fields`."""
+        return [work(name, flow.state.dim) for name in ("shift", "transport", "shift_before")]
+
+    def bind(self, solver: Solver) -> Run:
+        """See :meth:`Stage.bind`."""
+        p = solver.state.particles
+        more = {} if "flux" in p else {"flux": p["v"]}
+        constants = {"DIM": solver.state.dim, "FLUX": "flux" in p}
+        return solver.during(solver.loop(updates.transport_velocity, more, **constants), 1.0)
+
+
+@dataclass(frozen=True)
+class KeepShift(Stage):
+    """The first shift has no history."""
+
+    def bind(self, solver: Solver) -> Run:
+        """See :meth:`Stage.bind`."""
+        device, p = solver.state.device, solver.state.particles
+        return lambda: device.copy(p["shift"], p["shift_before"])
+
+
+@dataclass(frozen=True)
+class PredictDensity(Stage):
+    """Density and volume at a part of the step, by the last rate."""
+
+    part: float = 0.5
+
+    def fields(self, flow: Flow) -> Sequence[Field]:
+        """See :meth:`Stage.fields`."""
+        return (work("density_half"),)
+
+    def bind(self, solver: Solver) -> Run:
+        """See :meth:`Stage.bind`."""
+        return solver.during(solver.loop(updates.predict_density), self.part)
+
+
+@dataclass(frozen=True)
+class DensityRates(Stage):
+    """The density's rate half-way through a step."""
+
+    pointwise: ClassVar[bool] = False
+
+    def sweeps(self, flow: Flow) -> Sequence[Sweep]:
+        """See :meth:`Stage.sweeps`."""
+        return (flow.sweeps().density_rates(),)
+
+    def bind(self, solver: Solver) -> Run:
+        """See :meth:`Stage.bind`."""
+        return solver.sweep("density_rates")
+
+
+@dataclass(frozen=True)
+class FluxRates(Stage):
+    """The density's rate and the flux of momentum where particles move with v + δv."""
+
+    consistent: bool
+    form: str
+    pointwise: ClassVar[bool] = False
+
+    def fields(self, flow: Flow) -> Sequence[Field]:
+        """See :meth:`Stage.fields`."""
+        return (work("flux", flow.state.dim),)
+
+    def sweeps(self, flow: Flow) -> Sequence[Sweep]:
+        """See :meth:`Stage.sweeps`."""
+        return (flow.sweeps().flux_rates(self.consistent, self.form),)
+
+    def bind(self, solver: Solver) -> Run:
+        """See :meth:`Stage.bind`."""
+        return solver.sweep("flux_rates")
+
+
+@dataclass(frozen=True)
+class AddFlux(Stage):
+    """v += part dt times the flux of momentum."""
+
+    part: float = 1.0
+
+    def bind(self, solver: Solver) -> Run:
+        """See :meth:`Stage.bind`."""
+        more = {"a": solver.state.particles["flux"]}
+        kick = solver.loop(updates.kick, more, DIM=solver.state.dim, HELD=FREE)
+        return solver.during(kick, self.part)
+
+
+@dataclass(frozen=True)
+class SumDensity(Stage):
+    """Density from the arrangement."""
+
+    pointwise: ClassVar[bool] = False
+
+    def sweeps(self, flow: Flow) -> Sequence[Sweep]:
+        """See :meth:`Stage.sweeps`."""
+        return (flow.sweeps().summed_density(),)
+
+    def bind(self, solver: Solver) -> Run:
+        """See :meth:`Stage.bind`."""
+        return solver.sweep("summed_density")
+
+
+@dataclass(frozen=True)
+class EquationOfState(Stage):
+    """ρ += part dt dρ/dt, then pressure and volume."""
+
+    part: float = 0.0
+
+    def fields(self, flow: Flow) -> Sequence[Field]:
+        """See :meth:`Stage.fields`."""
+        return [work(name) for name in ("pressure_term", "density_rate")]
+
+    def bind(self, solver: Solver) -> Run:
+        """See :meth:`Stage.bind`."""
+        return solver.during(solver.loop(updates.equation_of_state), self.part)
+
+
+@dataclass(frozen=True)
+class WallPressure(Stage):
+    """Pressure of walls from the fluid's."""
+
+    pointwise: ClassVar[bool] = False
+
+    def sweeps(self, flow: Flow) -> Sequence[Sweep]:
+        """See :meth:`Stage.sweeps`."""
+        return (flow.sweeps().wall_pressure(),) if flow.walls else ()
+
+    def bind(self, solver: Solver) -> Run | None:
+        """See :meth:`Stage.bind`."""
+        return solver.sweep("wall_pressure") if solver.flow.walls else None
+
+
+@dataclass(frozen=True)
+class KernelSums(Stage):
+    """The kernel's second moments, by which friction is divided."""
+
+    pointwise: ClassVar[bool] = False
+
+    def fields(self, flow: Flow) -> Sequence[Field]:
+        """See :meth:`Stage.fields`."""
+        return (work("kernel_sum"),)
+
+    def sweeps(self, flow: Flow) -> Sequence[Sweep]:
+        """See :meth:`Stage.sweeps`."""
+        return (flow.sweeps().kernel_sums(),)
+
+    def bind(self, solver: Solver) -> Run:
+        """See :meth:`Stage.bind`."""
+        return solver.sweep("kernel_sums")
+
+
+@dataclass(frozen=True)
+class Forces(Stage):
+    """Accelerations, and rates of the user's fields; noise is that of step number + ``ahead``."""
+
+    ahead: int = 1
+    pointwise: ClassVar[bool] = False
+
+    def sweeps(self, flow: Flow) -> Sequence[Sweep]:
+        """See :meth:`Stage.sweeps`."""
+        return (flow.sweeps().forces(),)
+
+    def bind(self, solver: Solver) -> Run:
+        """See :meth:`Stage.bind`."""
+        return solver.sweep("forces", self.ahead)
+
+
+@dataclass(frozen=True)
+class Rates(Stage):
+    """Accelerations, and the density's rate unless it is summed, in one sweep."""
+
+    density: bool
+    pointwise: ClassVar[bool] = False
+
+    def sweeps(self, flow: Flow) -> Sequence[Sweep]:
+        """See :meth:`Stage.sweeps`."""
+        return (flow.sweeps().forces(density=self.density),)
+
+    def bind(self, solver: Solver) -> Run:
+        """See :meth:`Stage.bind`."""
+        return solver.sweep("rates" if self.density else "forces")
+
+
+@dataclass(frozen=True)
+class Predict(Stage):
+    """Keep the state for the corrector; then the Euler predictor."""
+
+    def fields(self, flow: Flow) -> Sequence[Field]:
+        """See :meth:`Stage.fields`."""
+        vectors = [work(name, flow.state.dim) for name in ("x0", "v0", "a0")]
+        return [*vectors, work("density0"), work("density_rate0")]
+
+    def bind(self, solver: Solver) -> Run:
+        """See :meth:`Stage.bind`."""
+        dim, n = solver.state.dim, solver.state.n
+        remember = solver.loop(updates.remember, DIM=dim)
+        held = solver.flow.held
+        predict = solver.during(solver.loop(updates.predict, DIM=dim, HELD=held), 1.0)
+
+        def run() -> None:
+            remember(n)
+            predict()
+
+        return run
+
+
+@dataclass(frozen=True)
+class Correct(Stage):
+    """The trapezoidal corrector."""
+
+    def bind(self, solver: Solver) -> Run:
+        """See :meth:`Stage.bind`."""
+        constants = {"DIM": solver.state.dim, "HELD": solver.flow.held}
+        return solver.during(solver.loop(updates.correct, **constants), 1.0)
+
+
+def _spreads(flow: Flow) -> bool:
+    """Whether velocities at whole steps are given what walls damp within a step."""
+    return flow.held != FREE and bool(flow.scheme.fluctuations)
+
+
+@dataclass(frozen=True)
+class DrawSpread(Stage):
+    """Give v its spread at whole steps (:mod:`particell.boundaries.wall_friction`)."""
+
+    def fields(self, flow: Flow) -> Sequence[Field]:
+        """See :meth:`Stage.fields`."""
+        if not _spreads(flow):
+            return ()
+        return (Field("velocity_spread", components=flow.state.dim, role="work", part_of="v"),)
+
+    def bind(self, solver: Solver) -> Run | None:
+        """See :meth:`Stage.bind`."""
+        if not _spreads(solver.flow):
+            return None
+        clock, n = solver.state.clock, solver.state.n
+        key0, key1 = stream_key(solver.state.seed, VELOCITY_SPREAD)
+        constants = {"DIM": solver.state.dim, "HELD": solver.flow.held}
+        draw = solver.loop(draw_spread, {"key0": key0, "key1": key1}, **constants)
+        return lambda: draw(n, clock.step, 0.5 * clock.dt)
+
+
+@dataclass(frozen=True)
+class TakeSpread(Stage):
+    """Take away from v what :class:`DrawSpread` added."""
+
+    def bind(self, solver: Solver) -> Run | None:
+        """See :meth:`Stage.bind`."""
+        if not _spreads(solver.flow):
+            return None
+        take, n = solver.loop(take_spread, DIM=solver.state.dim), solver.state.n
+        return lambda: take(n)
+
+
+@dataclass(frozen=True)
+class FilterDensity(Stage):
+    """Smooth the fluid's density; walls keep theirs."""
+
+    pointwise: ClassVar[bool] = False
+
+    def sweeps(self, flow: Flow) -> Sequence[Sweep]:
+        """See :meth:`Stage.sweeps`."""
+        return (flow.sweeps().density_filter(),)
+
+    def bind(self, solver: Solver) -> Run:
+        """See :meth:`Stage.bind`."""
+        device, p = solver.state.device, solver.state.particles
+        smooth = solver.sweep("filtered_density")
+
+        def run() -> None:
+            device.copy(p["density"], p["density_half"])
+            smooth()
+            device.copy(p["density_half"], p["density"])
+
+        return run
+
+
+@dataclass(frozen=True)
+class EverySteps(Stage):
+    """Stages that run in every so many steps only; 0 for never."""
+
+    every: int
+    stages: tuple[Stage, ...]
+    pointwise: ClassVar[bool] = False
+
+    def fields(self, flow: Flow) -> Sequence[Field]:
+        """See :meth:`Stage.fields`."""
+        return [field for stage in self.stages for field in stage.fields(flow)]
+
+    def sweeps(self, flow: Flow) -> Sequence[Sweep]:
+        """See :meth:`Stage.sweeps`."""
+        return [sweep for stage in self.stages for sweep in stage.sweeps(flow)]
+
+    def bind(self, solver: Solver) -> Run | None:
+        """See :meth:`Stage.bind`."""
+        every, clock = self.every, solver.state.clock
+        if not every:
+            return None
+        runs = solver.bound(self.stages)
+
+        def run() -> None:
+            if (clock.step + 1) % every == 0:
+                for each in runs:
+                    each()
+
+        return run

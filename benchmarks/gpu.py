@@ -22,6 +22,7 @@ import particell as pc
 from particell.bench import SKIN, SUPPORT, VISCOSITY, vortex
 from particell.compute.device import Device
 from particell.materials import AVOGADRO, BOLTZMANN
+from particell.schemes.stages import Forces
 
 SIZES = {2: (100, 316, 1000, 2000), 3: (22, 46, 100)}
 
@@ -100,7 +101,7 @@ def measured(dim: int, n: int, noise: bool, precision: str) -> dict[str, float |
         "system": f"{dim}D {'noise' if noise else 'no noise'}",
         "precision": precision,
         "particles": number,
-        "sweep": number / timed(lambda: forces(simulation, simulation.step, simulation.dt)),
+        "sweep": number / timed(lambda: solver.do(Forces(ahead=0))),
         "list": number / timed(solver.build_list, 2),
     }
     steps = 10

@@ -29,15 +29,20 @@ if TYPE_CHECKING:
     from particell.chemistry.sbml import SBMLModel, read_sbml
     from particell.chemistry.species import Species
     from particell.compute.device import Device
+    from particell.compute.loop import particle_loop
     from particell.ensemble import Ensemble, EnsembleInterrupted, EnsembleRun
     from particell.equilibrated import equilibrated
     from particell.errors import InputError, Interrupted, LawWarning, RunError
+    from particell.fields import Field
     from particell.geometry.domain import Domain
     from particell.geometry.fill import jittered, lattice, packed, rings, shells
     from particell.geometry.shapes import Ball, Box, Circle, HalfSpace, Sphere
     from particell.laws.buoyancy import Buoyancy
+    from particell.laws.law import Law
     from particell.materials import Fluid
     from particell.observers import SteadyState
+    from particell.operations.every import Every
+    from particell.operations.operation import Operation, When
     from particell.output.export import export_vtkhdf
     from particell.output.run import Run
     from particell.phases import Phase, box_walls, channel_walls, fluid
@@ -45,6 +50,7 @@ if TYPE_CHECKING:
     from particell.schemes.static import Static
     from particell.schemes.transport_velocity import TransportVelocity
     from particell.simulation import Simulation
+    from particell.state import State
 
 _HOME = {
     "Ball": "geometry.shapes",
@@ -56,6 +62,7 @@ _HOME = {
     "Ensemble": "ensemble",
     "EnsembleInterrupted": "ensemble",
     "EnsembleRun": "ensemble",
+    "Every": "operations.every",
     "Field": "fields",
     "FixedValueWall": "chemistry.reservoirs",
     "FluxWall": "chemistry.reservoirs",
@@ -65,10 +72,12 @@ _HOME = {
     "Interrupted": "errors",
     "Law": "laws.law",
     "LawWarning": "errors",
+    "Operation": "operations.operation",
     "Phase": "phases",
     "Reaction": "chemistry.reactions",
     "Reflection": "boundaries.reflection",
     "WallMotion": "boundaries.moving",
+    "When": "operations.operation",
     "Reservoir": "chemistry.reservoirs",
     "Run": "output.run",
     "RunError": "errors",
@@ -79,6 +88,7 @@ _HOME = {
     "Sphere": "geometry.shapes",
     "MeanVelocity": "boundaries.mean_velocity",
     "Sponge": "boundaries.sponge",
+    "State": "state",
     "Static": "schemes.static",
     "SteadyState": "observers",
     "TimeAverage": "averages",
@@ -91,6 +101,7 @@ _HOME = {
     "jittered": "geometry.fill",
     "lattice": "geometry.fill",
     "packed": "geometry.fill",
+    "particle_loop": "compute.loop",
     "read_sbml": "chemistry.sbml",
     "rings": "geometry.fill",
     "shells": "geometry.fill",
@@ -107,6 +118,7 @@ __all__ = [
     "Ensemble",
     "EnsembleInterrupted",
     "EnsembleRun",
+    "Every",
     "Field",
     "FixedValueWall",
     "Fluid",
@@ -117,6 +129,7 @@ __all__ = [
     "Law",
     "LawWarning",
     "MeanVelocity",
+    "Operation",
     "Phase",
     "Reaction",
     "Reflection",
@@ -128,11 +141,13 @@ __all__ = [
     "Species",
     "Sphere",
     "Sponge",
+    "State",
     "Static",
     "SteadyState",
     "TimeAverage",
     "TransportVelocity",
     "WallMotion",
+    "When",
     "box_walls",
     "channel_walls",
     "equilibrated",
@@ -141,6 +156,7 @@ __all__ = [
     "jittered",
     "lattice",
     "packed",
+    "particle_loop",
     "read_sbml",
     "rings",
     "shells",

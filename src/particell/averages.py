@@ -103,10 +103,8 @@ def check_averages(simulation: Simulated, averages: Sequence[TimeAverage]) -> No
     names = [average.name for average in averages]
     if len(set(names)) < len(names):
         raise InputError("averages", names, "with a name each")
-    known, groups = (
-        snapshot.field_names_of(simulation),
-        [g.name for g in simulation.particles.groups],
-    )
+    known = snapshot.field_names_of(simulation)
+    groups = [g.name for g in simulation.particles.groups]
     dim = simulation.domain.dim
     for average in averages:
         for name in average.fields:

@@ -172,7 +172,8 @@ class Simulation:
         given = self.materials if flow is None else flow.properties.given
         self.timing = TimeStep(self.system, scheme, self.chemistry, given, speed, dt)
         self.books = any(getattr(b, "values", getattr(b, "species", None)) for b in boundaries)
-        self.resumed, self.resumed_plan = False, None
+        self.resumed = False
+        self.resumed_plan: dict | None = None
         self.resumed_averages: dict[str, np.ndarray] = {}
         self.account = snapshot.Account()
         self._started = False

@@ -83,7 +83,7 @@ def field_of(simulation: Simulated, name: str) -> np.ndarray:
 
 
 def frame_of(simulation: Simulated) -> dict[str, np.ndarray]:
-    """See :meth:`particell.simulation.Simulation.frame`; with what came in, where that is booked."""
+    """See :meth:`particell.simulation.Simulation.frame`; what came in is booked for some."""
     p, chemistry = simulation.particles, simulation.chemistry
     order = np.argsort(p.host("id"))
     # particles that leave the box are brought back to it at the next build of the lists only

@@ -1,4 +1,4 @@
-"""How long a time step may be: by the flow's rules, the species' limits, and the frames asked for."""
+"""How long time steps are: by the flow's rules, the species' limits, and the frames asked for."""
 
 from __future__ import annotations
 

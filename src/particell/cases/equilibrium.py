@@ -150,7 +150,7 @@ class Equilibrium2D(Case):
         )
         if self.dt_factor != 1:
             simulation.dt = self.dt_factor * simulation.largest_step()
-            simulation.automatic = False
+            simulation.timing.automatic = False
         return simulation
 
     def first(self, run: Run) -> int:

@@ -51,7 +51,7 @@ class Every(Operation):
             positive("interval", interval)
         self.function, self.interval, self.when = function, interval, when
         self.every = steps or 1
-        self._name = name or getattr(function, "__name__", type(function).__name__)
+        self._name: str = name or str(getattr(function, "__name__", type(function).__name__))
 
     @property
     def name(self) -> str:

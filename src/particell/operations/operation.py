@@ -166,10 +166,7 @@ class Operations:
             Where that run had other operations.
         """
         if set(saved) != set(self.by_name):
-            raise InputError(
-                "operations of the checkpoint",
-                ", ".join(saved),
-                f"as now: {', '.join(self.by_name)}",
-            )
+            allowed = f"as now: {', '.join(self.by_name)}"
+            raise InputError("operations of the checkpoint", ", ".join(saved), allowed)
         for name, operation in self.by_name.items():
             operation.restore(saved[name])

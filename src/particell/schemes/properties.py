@@ -1,4 +1,4 @@
-"""What laws and loops read of the groups' materials: tables by group, and what they have in common."""
+"""Tables of properties by group, which laws and loops read, and what groups have in common."""
 
 from __future__ import annotations
 

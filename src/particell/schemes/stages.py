@@ -335,8 +335,8 @@ class Correct(Stage):
 
     def bind(self, solver: Solver) -> Run:
         """See :meth:`Stage.bind`."""
-        constants = {"DIM": solver.state.dim, "HELD": solver.flow.held}
-        return solver.during(solver.loop(updates.correct, **constants), 1.0)
+        correct = solver.loop(updates.correct, DIM=solver.state.dim, HELD=solver.flow.held)
+        return solver.during(correct, 1.0)
 
 
 def _spreads(flow: Flow) -> bool:

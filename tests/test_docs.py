@@ -15,16 +15,17 @@ from sybil.parsers.markdown import PythonCodeBlockParser, SkipParser
 
 from particell import cases
 from particell.cases.execution import execute
-from particell.compute.device import Device
-from particell.geometry.shapes import Box
 
 DOCS = Path(__file__).parent.parent / "docs"
 PAGES = [
     DOCS / "first-run.md",
     *sorted((DOCS / "guide").glob("*.md")),
+    DOCS / "howto/boundary.md",
     DOCS / "howto/field.md",
     DOCS / "howto/force.md",
     DOCS / "howto/law.md",
+    DOCS / "howto/operation.md",
+    DOCS / "howto/scheme.md",
     DOCS / "howto/species.md",
     DOCS / "howto/paraview.md",
 ]
@@ -65,15 +66,6 @@ def test_how_to_add_a_case(tmp_path):
     case = page.SlidingPlate(resolution=10, speed="2 mm/s")
     assert execute(case, tmp_path / "out", threads=1, progress=False) == 0
     assert (tmp_path / "out/profile.png").stat().st_size > 0
-
-
-def test_how_to_add_a_boundary(tmp_path):
-    page = file_on_page("howto/boundary.md", "boundaries/porous.py", tmp_path)
-    porous = page.Porous(Box((0, 0), (1, 1)), time=1.0)
-    inside = porous.mask(np.array([[0.5, 0.5], [2.0, 0.5]]))
-    v, walls = np.ones((2, 2)), np.zeros(2, np.uint8)
-    Device().bind(page.resist, {"v": v, "is_wall": walls, "inside": inside}, DIM=2)(2, 0.5)
-    assert v.tolist() == [[0.5, 0.5], [1.0, 1.0]]
 
 
 @pytest.mark.parametrize("case", cases.names())

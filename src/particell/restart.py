@@ -5,16 +5,13 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from particell.errors import InputError
 
 if TYPE_CHECKING:
     from particell.simulation import Simulation
 
-_LIST = ("cell", "cell_start", "start", "split", "stop", "crosses", "neighbours", "x_built")
 _COUNTERS = ("step", "time", "dt", "chemistry_every")
-_KEYS = {"list", "capacity", "builds", "speed", "seed", "first_momentum", *_COUNTERS}
+_KEYS = {"list", "speed", "seed", "first_momentum", *_COUNTERS}
 
 
 def state_of(simulation: Simulation) -> dict[str, Any]:
@@ -24,9 +21,7 @@ def state_of(simulation: Simulation) -> dict[str, Any]:
     chemistry = s.chemistry
     return {
         "fields": {name: s.particles.host(name) for name in s.particles},
-        "list": {name: np.array(s.device.to_host(s.neighbours.fields[name])) for name in _LIST},
-        "capacity": s.neighbours.capacity,
-        "builds": s.neighbours.builds,
+        "list": s.neighbours.state(),
         **{name: getattr(s, name) for name in _COUNTERS},
         "speed": s._speed,
         "wall_seconds": s._wall_seconds,
@@ -79,7 +74,8 @@ def restore(simulation: Simulation, state: dict[str, Any]) -> None:
             raise InputError(f"{part} of the checkpoint", text, f"as now: {now.get(part)}")
     for name in s.particles:  # what is a part of another field comes after that one
         s.particles.set(name, fields[name])
-    s.neighbours.restore(state["capacity"], state["builds"], state["list"])
+    builds = state.get("builds", 0)  # beside the list in older checkpoints
+    s.neighbours.restore({"builds": builds, **state["list"]}, s.particles)
     for name in _COUNTERS:
         setattr(s, name, state[name])
     s._speed, s._wall_seconds = state["speed"], state["wall_seconds"]

@@ -61,6 +61,24 @@ def test_restart_goes_on_bit_for_bit(make, tmp_path):
     assert resumed.conservation() == whole.conservation()
 
 
+def test_checkpoints_that_hold_the_list_are_read():
+    """As they were once: with rows in another order, which is put right."""
+    whole = noisy_channel()
+    whole.advance(20)
+    state = whole.state()
+    order = np.random.default_rng(2).permutation(whole.particles.n)
+    old = {**state, "fields": {k: v[order] for k, v in state["fields"].items()}}
+    old |= {"capacity": 32, "builds": state["list"]["builds"]}
+    old["list"] = {"x_built": state["list"]["x_built"][order], "neighbours": np.zeros(32)}
+    resumed = noisy_channel()
+    resumed.restore(old)
+    for simulation in (whole, resumed):
+        simulation.advance(20)
+    assert same_bits(whole, resumed) == []
+    with pytest.raises(InputError, match="checkpoint"):
+        noisy_channel().restore({**state, "list": {}})
+
+
 def test_restart_refuses_other_simulations():
     state = noisy_fluid().state()
     for other in (noisy_fluid(seed=2), noisy_channel()):

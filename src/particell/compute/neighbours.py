@@ -340,7 +340,10 @@ class NeighbourList:
             "beyond": batch_buffer(device, n),
             "least_apart": (support + (1.0 - SAFETY) * skin) ** 2,
         }
-        self.order, self._first_of_cell = np.zeros(n, np.int64), np.zeros(len(self.cell_start), np.int64)
+        self.order, self._first_of_cell = (
+            np.zeros(n, np.int64),
+            np.zeros(len(self.cell_start), np.int64),
+        )
         self.capacity = 0
         self.builds = 0
         bind, f, only = device.bind, self.fields, {"DIM": dim}

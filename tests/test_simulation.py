@@ -61,6 +61,31 @@ def test_restart_goes_on_bit_for_bit(make, tmp_path):
     assert resumed.conservation() == whole.conservation()
 
 
+def test_rows_of_a_checkpoint_may_stand_in_any_order():
+    """They are put right, as lists are made of positions and ids alone."""
+    whole = noisy_channel()
+    whole.advance(20)
+    state = whole.state()
+    order = np.random.default_rng(2).permutation(whole.particles.n)
+    other = {**state, "fields": {k: v[order] for k, v in state["fields"].items()}}
+    listed = state["neighbours"]
+    other["neighbours"] = {**listed, "x_built": listed["x_built"][order]}
+    resumed = noisy_channel()
+    resumed.restore(other)
+    for simulation in (whole, resumed):
+        simulation.advance(20)
+    assert same_bits(whole, resumed) == []
+    with pytest.raises(InputError, match="checkpoint"):
+        noisy_channel().restore({**state, "neighbours": {}})
+
+
+def test_checkpoints_of_earlier_versions_are_refused_in_one_line():
+    whole = noisy_fluid()
+    old = {"fields": whole.state()["fields"], "list": {}, "chemistry_every": 1, "step": 0}
+    with pytest.raises(InputError, match="earlier version"):
+        noisy_fluid().restore(old)
+
+
 def test_restart_refuses_other_simulations():
     state = noisy_fluid().state()
     for other in (noisy_fluid(seed=2), noisy_channel()):

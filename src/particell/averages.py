@@ -266,7 +266,7 @@ class RunningAverage:
             column += width
         n = len(now["x"])
         self._assign(n)
-        counting_sort(now["cell"], self._cell_start, self._order)
+        counting_sort(now["cell"], particles.view("id"), self._cell_start, self._order)
         self._add(len(self.sums))
 
     def take(self) -> dict[str, np.ndarray]:

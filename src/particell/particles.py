@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -165,10 +166,10 @@ class Particles:
             raise unknown_name("group", group, names)
         return (self.by_id("group") if by_id else self.view("group")) == names.index(group)
 
-    def permute(self, order: np.ndarray) -> None:
-        """Put row ``order[k]`` of every field in place k."""
+    def permute(self, order: np.ndarray, *others: Any) -> None:
+        """Put row ``order[k]`` of every field, and of other arrays (n, …), in place k."""
         self.device.write(self._order, order)
-        for array in self.fields.values():
+        for array in (*self.fields.values(), *others):
             rows = array.reshape(self.n, -1)  # type: ignore[attr-defined]
             columns = rows.shape[1]
             key = (columns, rows.dtype)

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from typing import Any, Protocol
 
-import numpy as np
-
 from particell.errors import InputError
 from particell.simulated import Simulated
 from particell.snapshot import Account
 
-_LIST = ("cell", "cell_start", "start", "split", "stop", "crosses", "neighbours", "x_built")
 #: Parts that every checkpoint has.
 PARTS = {"fields", "neighbours", "clock", "timing", "operations", "account", "worst", "description"}
 
@@ -27,11 +24,7 @@ def state_of(simulation: Restorable) -> dict[str, Any]:
     s = simulation
     found = {
         "fields": {name: s.particles.host(name) for name in s.particles},
-        "neighbours": {
-            "list": {name: np.array(s.device.to_host(s.neighbours.fields[name])) for name in _LIST},
-            "capacity": s.neighbours.capacity,
-            "builds": s.neighbours.builds,
-        },
+        "neighbours": s.neighbours.saved(),
         "clock": s.system.clock.saved(),
         "timing": s.timing.saved(),
         "operations": s.operations.saved(),
@@ -82,8 +75,7 @@ def restore(simulation: Restorable, state: dict[str, Any]) -> None:
     s.operations.restore(state["operations"])
     for name in s.particles:  # what is a part of another field comes after that one
         s.particles.set(name, fields[name])
-    listed = state["neighbours"]
-    s.neighbours.restore(listed["capacity"], listed["builds"], listed["list"])
+    s.neighbours.restore(state["neighbours"], s.particles)
     s.system.clock.restore(state["clock"])
     s.timing.restore(state["timing"])
     s.account.restore(state["account"])

@@ -172,14 +172,6 @@ def test_compile_log_counts_the_first_call():
     assert module.CompileLog.loops == before + 1
 
 
-def test_reductions():
-    reduction = Reduction(Device())
-    values = np.random.default_rng(1).normal(size=(1000, 3))
-    assert reduction.sum(values) == pytest.approx(values.sum(axis=0), abs=1e-12)
-    assert reduction.max(values[:, 0]) == values[:, 0].max()
-    assert reduction.sum(np.zeros((0, 2))).tolist() == [0, 0]
-
-
 @pytest.mark.parametrize("place", [0, 5, 299, 599])
 def test_the_largest_of_what_holds_a_nan_is_a_nan(place):
     """On every backend: it is how non-finite rates are found."""

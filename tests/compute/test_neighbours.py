@@ -243,12 +243,52 @@ def test_sorted_into_cells_with_ids_kept():
     assert np.diff(starts).tolist() == np.bincount(cell, minlength=len(starts) - 1).tolist()
 
 
-def test_counting_sort_is_stable():
-    cell = np.random.default_rng(1).integers(0, 7, 100).astype(np.int32)
-    start, order = np.zeros(9, np.int64), np.zeros(100, np.int64)
-    counting_sort(cell, start, order)
-    assert order.tolist() == np.argsort(cell, kind="stable").tolist()
-    assert start.tolist() == np.searchsorted(np.sort(cell), np.arange(9)).tolist()
+@pytest.mark.parametrize("cells", [1, 7, 400])
+def test_counting_sort_orders_by_cell_and_id(cells):
+    """Also of many particles in a cell, and whatever their order was."""
+    random = np.random.default_rng(1)
+    cell, ids = random.integers(0, cells, 900).astype(np.int32), random.permutation(2000)[:900]
+    start, order = np.zeros(cells + 2, np.int64), np.zeros(900, np.int64)
+    counting_sort(cell, ids, start, order)
+    assert order.tolist() == np.lexsort((ids, cell)).tolist()
+    assert start.tolist() == np.searchsorted(np.sort(cell), np.arange(cells + 2)).tolist()
+
+
+@pytest.mark.parametrize(("lengths", "periodic"), [CASES[0], CASES[4], CASES[6], CASES[7]])
+def test_rows_depend_on_positions_and_ids_alone(lengths, periodic):
+    """Not on the order in memory before, nor on lists of other positions; also in a restart."""
+    random = np.random.default_rng(11)
+    x, walls = random_points(10, 150, lengths), random.uniform(size=150) < 0.3
+    support = random.uniform(0.4, 1.0, 150)
+    support[0] = 1.0  # the largest, whoever else is
+    made = [system(x, lengths, periodic, support, walls)[:2] for _ in range(3)]
+    (first, one), (second, two), (third, three) = made
+    second.permute(random.permutation(150))
+    two.build(second)
+    moved = third.by_id("x")
+    third.set("x", random_points(12, 150, lengths), by_id=True)
+    three.build(third)  # which mixes them
+    third.set("x", moved, by_id=True)
+    three.build(third)
+    for particles, neighbours in (made[1], made[2]):
+        assert particles.host("id").tolist() == first.host("id").tolist()
+        assert rows(neighbours) == rows(one)
+    state = one.saved()
+    one._reserve(400)  # a capacity that is of no account
+    first.set("x", first.host("x") + 0.01)
+    one.restore(state, first)
+    assert rows(one) == rows(two)
+    assert one.builds == 1
+    is_wall, ids = first.host("is_wall"), first.host("id")
+    cell = one.fields["cell"]
+    for mobile, wall in rows(one):  # in a cell by id
+        assert not is_wall[mobile].any()
+        assert is_wall[wall].all()
+        for part in (mobile, wall):
+            for c in np.unique(cell[part]):
+                there = [k for k, j in enumerate(part) if cell[j] == c]
+                assert np.diff(there).tolist() == [1] * (len(there) - 1)  # one run
+                assert (np.diff(ids[np.array(part)[there]]) > 0).all()
 
 
 def test_permute_moves_every_field():

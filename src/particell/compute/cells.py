@@ -105,9 +105,35 @@ def assign_cells(i, x, lower, inverse_cell, cells, cell, *, DIM):
     cell[i] = index
 
 
+#: Cells with more particles than this are first put roughly in order (Shell's gaps).
+_FEW = 64
+
+
+@njit
+def _sort_by_id(order, first, last, ids):
+    """Put ``order[first:last]`` in the order of ids; quick where it nearly is."""
+    number = last - first
+    gap = 1
+    while gap * _FEW < number:
+        gap = 3 * gap + 1
+    while gap > 0:
+        for k in range(first + gap, last):
+            moved = order[k]
+            own = ids[moved]
+            place = k
+            while place - gap >= first and ids[order[place - gap]] > own:
+                order[place] = order[place - gap]
+                place -= gap
+            order[place] = moved
+        gap //= 3
+
+
 @compiled
-def counting_sort(cell, cell_start, order):
-    """Stable order of particles by cell, and the first particle of each cell."""
+def counting_sort(cell, ids, cell_start, order):
+    """The order of particles by (cell, id), and the first particle of each cell.
+
+    It depends on nothing else: neither on the places of particles in memory nor on earlier orders.
+    """
     cell_start[:] = 0
     for i in range(len(cell)):
         cell_start[cell[i] + 1] += 1
@@ -119,3 +145,5 @@ def counting_sort(cell, cell_start, order):
     for c in range(len(cell_start) - 1, 0, -1):
         cell_start[c] = cell_start[c - 1]
     cell_start[0] = 0
+    for c in range(len(cell_start) - 1):
+        _sort_by_id(order, cell_start[c], cell_start[c + 1], ids)

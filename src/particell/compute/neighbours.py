@@ -1,9 +1,15 @@
 """Neighbour list.
 
-Particles are sorted into cells by a counting sort and kept in that order, so that neighbours are
-near in memory. Row *i* of the list holds ``list[start[i]:split[i]]``, the mobile neighbours, and
-``list[split[i]:stop[i]]``, the neighbours of kind wall, all within the pair's support plus a skin.
-Rows have a common capacity (compressed rows with slack), so that one pass fills them.
+Particles are sorted by cell, in a cell by id, and kept in that order, so that neighbours are near
+in memory. Row *i* of the list holds ``list[start[i]:split[i]]``, the mobile neighbours, and
+``list[split[i]:stop[i]]``, the neighbours of kind wall, all within the pair's support plus a skin,
+both in the order of the cells around i and in a cell by id. Rows have a common capacity (compressed
+rows with slack), so that one pass fills them.
+
+**The list is a function of positions at its build, ids, supports and the grid of cells**, and so is
+the order of particles in memory: neither where they were before nor the capacity counts. A sum over
+a row has the same bits whatever happened before, and a checkpoint holds the positions, not the
+list.
 
 The list stays valid until two particles may have come nearer than the skin. That is decided from
 *relative* displacements: the boxes that the displacements of each cell span are compared with
@@ -14,6 +20,8 @@ slides past with a cell in between only the approach across that cell counts.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -32,11 +40,21 @@ from particell.compute.cells import (
 from particell.compute.device import Device
 from particell.compute.loop import particle_loop
 from particell.compute.rounding import nearest_whole
+from particell.errors import InputError
 from particell.geometry.domain import Domain
 from particell.particles import Particles
 
 #: Part of the skin that displacements may use up; the rest covers the integrator's corrections.
 SAFETY = 0.9
+
+
+@particle_loop
+def find_walls(c, cell_start, is_wall, has_walls):
+    """Whether cell c holds wall particles."""
+    found = False
+    for i in range(cell_start[c], cell_start[c + 1]):
+        found |= is_wall[i] != 0
+    has_walls[c] = found
 
 
 @particle_loop(vectorise=True)
@@ -47,6 +65,7 @@ def find_neighbours(
     is_wall,
     cell,
     cell_start,
+    has_walls,
     cells,
     periodic,
     period,
@@ -68,8 +87,8 @@ def find_neighbours(
 ):
     """Fill row i of the list; ``found[i]`` may exceed the capacity, then the row is not whole.
 
-    ``position`` is x as one row of numbers, whose stride the compiler knows. The batch ``beyond``
-    holds by how much the squared distances of candidates exceed the squared reach.
+    ``position`` is x_built as one row of numbers, whose stride the compiler knows. The batch
+    ``beyond`` holds by how much the squared distances of candidates exceed the squared reach.
     """
     ix, iy, iz = place_of(np.int64(cell[i]), cells, DIM)
     first_x, number_x, first_y, number_y, first_z, number_z = cells_around(
@@ -85,6 +104,7 @@ def find_neighbours(
     begin = i * capacity
     k = begin
     limit = begin + capacity - 1
+    back = limit  # walls are put at the end, backwards
     dims, batch = np.uint64(DIM), np.uint64(BATCH)
     own = np.uint64(i) * dims
     xi = position[own]
@@ -109,6 +129,10 @@ def find_neighbours(
                         high = last
                     if first_z + number_z > last:
                         high = first_z + number_z - last
+                walled = False
+                if WALLS:
+                    for c in range(row + low, row + high):
+                        walled |= has_walls[c] != 0
                 j = np.uint64(cell_start[row + low])
                 after = np.uint64(cell_start[row + high])
                 while j < after:
@@ -133,25 +157,33 @@ def find_neighbours(
                         if not UNIFORM:
                             reach = 0.5 * (support[i] + support[other]) + skin
                         beyond[put + np.uint64(q)] = r2 - reach * reach
-                    for q in range(number):
-                        other = j + np.uint64(q)
-                        neighbours[min(k, limit)] = other
-                        k += (beyond[put + np.uint64(q)] < 0.0) & (other != i)
+                    if WALLS and walled:
+                        for q in range(number):
+                            other = j + np.uint64(q)
+                            near = (beyond[put + np.uint64(q)] < 0.0) & (other != i)
+                            wall = is_wall[other] != 0
+                            neighbours[min(k, limit)] = other
+                            neighbours[max(back, begin)] = other
+                            k += near & (not wall)
+                            back -= near & wall
+                    else:
+                        for q in range(number):
+                            other = j + np.uint64(q)
+                            neighbours[min(k, limit)] = other
+                            k += (beyond[put + np.uint64(q)] < 0.0) & (other != i)
                     j += number
-    found[i] = k - begin
-    end = min(k, limit)
-    start[i], stop[i] = begin, end
-    if WALLS:  # to the end of the row
-        k = begin
-        while k < end:
-            j = neighbours[k]
-            if is_wall[j]:
-                end -= 1
-                neighbours[k] = neighbours[end]
-                neighbours[end] = j
-            else:
-                k += 1
-    split[i] = end
+    number_of_walls = limit - back
+    found[i] = k - begin + number_of_walls
+    start[i], split[i], stop[i] = begin, min(k, limit), min(k + number_of_walls, limit)
+    if WALLS and k <= back:  # the row is whole: they are turned round and follow the others
+        first = back + 1
+        for q in range(number_of_walls // 2):
+            neighbours[first + q], neighbours[limit - q] = (
+                neighbours[limit - q],
+                neighbours[first + q],
+            )
+        for q in range(number_of_walls):
+            neighbours[k + q] = neighbours[first + q]
 
 
 @particle_loop
@@ -291,6 +323,7 @@ class NeighbourList:
             "period": array(domain.lengths),
             "inverse_period": array(domain.inverse_periods),
             "cell": device.zeros(n, np.int32),
+            "has_walls": device.zeros(self.number_of_cells, np.uint8),
             "cell_start": device.zeros(self.number_of_cells + 1, np.int64),
             "start": device.zeros(n, np.int64),
             "split": device.zeros(n, np.int64),
@@ -307,12 +340,16 @@ class NeighbourList:
             "beyond": batch_buffer(device, n),
             "least_apart": (support + (1.0 - SAFETY) * skin) ** 2,
         }
-        self.order = np.zeros(n, np.int64)
+        self.order, self._first_of_cell = (
+            np.zeros(n, np.int64),
+            np.zeros(len(self.cell_start), np.int64),
+        )
         self.capacity = 0
         self.builds = 0
         bind, f, only = device.bind, self.fields, {"DIM": dim}
         self._wrap = bind(wrap_positions, f, **only)
         self._assign = bind(assign_cells, f, **only)
+        self._find_walls = bind(find_walls, f)
         self._boxes = bind(displacement_boxes, f, **only)
         self._compare = bind(closed_gaps, f, **only)
 
@@ -324,20 +361,25 @@ class NeighbourList:
 
     def build(self, particles: Particles) -> None:
         """Wrap positions into the domain, sort all fields into cell order and fill the rows."""
-        n, x = self.n, particles["x"]
-        self._wrap(n, x, particles["image"])
+        self._wrap(self.n, particles["x"], particles["image"])
+        self.device.copy(particles["x"], self.x_built)
+        self._make(particles)
+        self.builds += 1
+
+    def _make(self, particles: Particles) -> None:
+        """Sort all fields and fill the rows by the positions ``x_built``."""
+        n, x, host = self.n, self.x_built, self.device.to_host
         self._assign(n, x)
-        cell_start = np.zeros(self.number_of_cells + 1, np.int64)
-        counting_sort(self.device.to_host(self.cell), cell_start, self.order)
-        self.device.write(self.cell_start, cell_start)
-        particles.permute(self.order)
+        counting_sort(host(self.cell), host(particles["id"]), self._first_of_cell, self.order)
+        self.device.write(self.cell_start, self._first_of_cell)
+        particles.permute(self.order, x)
         self._assign(n, x)
+        if self.constants["WALLS"]:
+            self._find_walls(self.number_of_cells, particles["is_wall"])
         if self.capacity == 0:
             self._reserve(32)
         while not self._fill(particles):
             pass
-        self.device.copy(x, self.x_built)
-        self.builds += 1
 
     def needs_build(self, x, v, dt: float) -> bool:
         """Whether a pair outside the list may be within its support after a move by ``dt v``."""
@@ -352,12 +394,32 @@ class NeighbourList:
         self._compare(self.number_of_cells)
         return bool(self.device.to_host(self.fields["closed"]).any())
 
-    def restore(self, capacity: int, builds: int, fields: dict[str, np.ndarray]) -> None:
-        """Take over the state of another list of the same particles, bit for bit."""
-        self._reserve(capacity)
-        for name, values in fields.items():
-            self.device.write(self.fields[name], values)
-        self.builds = builds
+    def saved(self) -> dict[str, Any]:
+        """What :meth:`restore` makes the same list from, beside the fields of the particles."""
+        return {"x_built": np.array(self.device.to_host(self.x_built)), "builds": self.builds}
+
+    def restore(self, saved: Mapping[str, Any], particles: Particles) -> None:
+        """Make a list that was :meth:`saved` again, bit for bit.
+
+        Parameters
+        ----------
+        saved
+            Of a list of the same particles.
+        particles
+            With the fields that they had, in the order of that time; they are sorted where they
+            are not yet.
+
+        Raises
+        ------
+        InputError
+            Where it is not of a list of as many particles.
+        """
+        x = saved.get("x_built")
+        if not isinstance(x, np.ndarray) or x.shape != self.x_built.shape or "builds" not in saved:
+            raise InputError("checkpoint", "another neighbour list", "of these particles")
+        self.device.write(self.x_built, x)
+        self._make(particles)
+        self.builds = int(saved["builds"])
 
     def _reserve(self, capacity: int) -> None:
         self.capacity = capacity
@@ -371,7 +433,7 @@ class NeighbourList:
         )
 
     def _fill(self, particles: Particles) -> bool:
-        position = particles["x"].reshape(self.n * self.domain.dim)
+        position = self.x_built.reshape(self.n * self.domain.dim)
         self._find(self.n, position, particles["support"], particles["is_wall"])
         needed = int(self.device.to_host(self.found).max(initial=0)) + 1
         if needed <= self.capacity:

@@ -1,31 +1,113 @@
-"""Sums over particles in a fixed order: the same bits for any number of threads.
+"""Sums and maxima over particles that depend on the values alone.
 
-On the CPU that is NumPy's pairwise sum; on a GPU blocks of a fixed number of particles are summed
-independently and the block sums are added one after the other. Every global quantity (energy,
-momentum, amounts) goes through :class:`Reduction`, which is where a sum over processes will be
-added.
+Real numbers are summed exactly and rounded once: whatever the order in memory, the number of
+threads or the split among processes, the result is that of :func:`math.fsum`. Each number is put
+as an integer into an accumulator of bins of 32 bits that spans all of double precision (Kulisch);
+bins are 64-bit integers, whose sum depends on no order. Every global quantity (energy, momentum,
+amounts, and means that feed back into the motion) goes through :class:`Reduction`.
+
+References
+----------
+Kulisch, Computer Arithmetic and Validity (2008), chapter 8.
 """
 
 from __future__ import annotations
 
+import math
+from typing import Any
+
 import numpy as np
+from numba import njit
 
 from particell.compute.device import Device
 from particell.compute.loop import particle_loop
 
 BLOCK = 256
+#: Bin b counts 2^(32 b - 1088): a number of 53 bits lies in three, the largest in the 65th to 67th.
+BINS = 70
+#: What is no number has bins of its own: how often it was added.
+INFINITE, MINUS_INFINITE, NOT_A_NUMBER = BINS, BINS + 1, BINS + 2
+WIDTH = BINS + 3
+#: Lanes in which numbers are added, so that threads share the work; a lane takes less than 2^29.
+LANES = {"cpu": 64, "cuda": 4096}
+FEW = 512
+
+_LOW = np.int64(0xFFFFFFFF)
+_FRACTION = np.int64(0xFFFFFFFFFFFFF)
+_HIDDEN = np.int64(1 << 52)
+_32 = np.int64(32)
+#: One, in units of the first bin.
+UNIT = 1 << 1088
+
+
+@njit(inline="always")
+def carry(bins, row):
+    """Bring the bins of a row between 0 and 2^32 - 1, but for the last, which has the sign."""
+    for b in range(BINS - 1):
+        over = bins[row, b] >> _32
+        bins[row, b] -= over << _32
+        bins[row, b + 1] += over
 
 
 @particle_loop
-def block_sums(b, values, n_rows, partial, *, COLUMNS, BLOCK):
-    """Sum rows ``b*BLOCK .. (b+1)*BLOCK`` of ``values`` (rows, COLUMNS) into ``partial[b]``."""
-    first = b * BLOCK
-    last = min(first + BLOCK, n_rows)
-    for c in range(COLUMNS):
-        total = values[first, c]
-        for i in range(first + 1, last):
+def accumulate(lane, values, lanes, bins):
+    """Add one lane's share of the rows of a table of reals to its bins, column by column.
+
+    ``bins`` has shape (lanes columns, WIDTH).
+    """
+    rows, columns = values.shape
+    first, last = lane * rows // lanes, (lane + 1) * rows // lanes
+    for c in range(columns):
+        row = lane * columns + c
+        for b in range(WIDTH):
+            bins[row, b] = 0
+        for i in range(first, last):
+            word = np.float64(values[i, c]).view(np.int64)
+            exponent = (word >> np.int64(52)) & np.int64(0x7FF)
+            fraction = word & _FRACTION
+            if exponent == 0x7FF:
+                kind = NOT_A_NUMBER
+                if fraction == 0:
+                    kind = INFINITE if word >= 0 else MINUS_INFINITE
+                bins[row, kind] += 1
+                continue
+            if exponent == 0:
+                exponent = np.int64(1)  # a denormal number
+            else:
+                fraction |= _HIDDEN
+            # the number is fraction 2^(exponent - 1075)
+            place = exponent + np.int64(13)
+            b = place >> np.int64(5)
+            shift = place & np.int64(31)
+            low = (fraction & _LOW) << shift
+            high = (fraction >> _32) << shift
+            sign = np.int64(1) if word >= 0 else np.int64(-1)
+            bins[row, b] += sign * (low & _LOW)
+            bins[row, b + 1] += sign * ((low >> _32) + (high & _LOW))
+            bins[row, b + 2] += sign * (high >> _32)
+        carry(bins, row)
+
+
+@particle_loop
+def sum_integers(lane, values, lanes, bins):
+    """Sum one lane's share of the rows of a table of whole numbers; ``bins`` (lanes columns, 1)."""
+    rows, columns = values.shape
+    for c in range(columns):
+        total = 0
+        for i in range(lane * rows // lanes, (lane + 1) * rows // lanes):
             total += values[i, c]
-        partial[b, c] = total
+        bins[lane * columns + c, 0] = total
+
+
+@particle_loop
+def gather_lanes(k, bins, lanes, total):
+    """Sum bin k of all lanes; k counts the bins of all columns."""
+    columns, width = total.shape
+    c, b = k // width, k % width
+    found = 0
+    for lane in range(lanes):
+        found += bins[lane * columns + c, b]
+    total[c, b] = found
 
 
 @particle_loop
@@ -40,36 +122,64 @@ def block_maxima(b, values, n_rows, partial, *, BLOCK):
     partial[b, 0] = best
 
 
+def rounded(bins: np.ndarray) -> float:
+    """The number nearest to what a row of WIDTH bins holds (to the even one of two)."""
+    infinite, minus_infinite, not_a_number = bins[BINS:]
+    if not_a_number or (infinite and minus_infinite):
+        return math.nan
+    if infinite or minus_infinite:
+        return math.inf if infinite else -math.inf
+    low = (bins[:BINS] & 0xFFFFFFFF).astype("<u4").tobytes()
+    over = bins[:BINS] >> 32
+    high = over[:-1].astype("<u4").tobytes()
+    whole = int.from_bytes(high, "little") + (int(over[-1]) << (32 * (BINS - 1)))
+    whole = int.from_bytes(low, "little") + (whole << 32)
+    try:
+        return whole / UNIT
+    except OverflowError:
+        return math.inf if whole > 0 else -math.inf
+
+
 class Reduction:
-    """Sums and maxima of per-particle values, in a fixed order."""
+    """Sums and maxima of per-particle values."""
 
     def __init__(self, device: Device):
         self.device = device
+        self._lanes = LANES[device.backend]
+        self._work: dict[tuple, Any] = {}
+        backend = device.backend
+        self._accumulate = accumulate.specialise(backend)
+        self._sum_integers = sum_integers.specialise(backend)
+        self._gather = gather_lanes.specialise(backend)
+        self._maxima = block_maxima.specialise(backend, BLOCK=BLOCK)
 
-    def _partial(self, rows: int, columns: int, dtype: np.dtype):
-        return self.device.zeros((max(1, -(-rows // BLOCK)), columns), dtype)
+    def _array(self, *shape: int, dtype: Any = np.int64):
+        """Room to work in, made once."""
+        key = (*shape, np.dtype(dtype))
+        if key not in self._work:
+            self._work[key] = self.device.zeros(shape, dtype)
+        return self._work[key]
 
     def sum(self, values) -> np.ndarray:
-        """Column sums of an array of shape (n, columns); returns shape (columns,)."""
-        if isinstance(values, np.ndarray):
-            return values.sum(axis=0)  # pairwise and serial: a fixed order
+        """Column sums of an array of shape (n, columns); returns shape (columns,).
+
+        Of real numbers they are exact and rounded once, to float64; whole numbers are int64.
+        """
         rows, columns = values.shape
-        if rows == 0:
-            return np.zeros(columns, values.dtype)
-        partial = self._partial(rows, columns, values.dtype)
-        loop = block_sums.specialise(self.device.backend, COLUMNS=columns, BLOCK=BLOCK)
-        loop(len(partial), values, rows, partial)
-        blocks = self.device.to_host(partial)
-        total = np.zeros(columns, values.dtype)
-        for row in blocks:
-            total += row
-        return total
+        real = values.dtype.kind == "f"
+        width = WIDTH if real else 1
+        lanes = max(1, min(self._lanes, rows // FEW))
+        bins = self._array(lanes * columns, width)
+        total = self._array(columns, width)
+        (self._accumulate if real else self._sum_integers)(lanes, values, lanes, bins)
+        self._gather(columns * width, bins, lanes, total)
+        found = self.device.to_host(total)
+        return np.array([rounded(row) for row in found]) if real else np.array(found[:, 0])
 
     def max(self, values) -> float:
-        """Largest of a non-empty array of shape (n,)."""
+        """Largest of a non-empty array of shape (n,); NaN where one is NaN."""
         if isinstance(values, np.ndarray):
             return float(values.max())
-        partial = self._partial(len(values), 1, values.dtype)
-        loop = block_maxima.specialise(self.device.backend, BLOCK=BLOCK)
-        loop(len(partial), values, len(values), partial)
+        partial = self._array(-(-len(values) // BLOCK), 1, dtype=values.dtype)
+        self._maxima(len(partial), values, len(values), partial)
         return float(self.device.to_host(partial).max())

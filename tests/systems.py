@@ -33,6 +33,7 @@ from particell.schemes.stages import (
 )
 from particell.schemes.transport_velocity import TransportVelocity
 from particell.simulation import Simulation
+from particell.sources.images import Plane, at_planes
 
 DATA = Path(__file__).parent / "data"
 #: The temperature at which k_B T = 1 J.
@@ -134,6 +135,21 @@ def transported_lattice(
     points = (points + noise) % side
     phase = Phase("fluid", material or unit_fluid(), points, 1.0, velocity=velocity)
     return Simulation(domain, phase, TransportVelocity(**scheme), species=species, dt=dt, seed=seed)
+
+
+def beside_a_mirror(device=None) -> Simulation:
+    """Particles with forces and density rates that their images in a floor add to."""
+    domain = Domain((0, 0), (6, 5), periodic="x", depth=1.0)
+    inside = fluid(domain, unit_fluid(), 1.0, velocity=lambda x: np.sin(x))
+    simulation = Simulation(domain, inside, SDPD(support=2.2, skin=0.3), dt=0.01, device=device)
+    simulation.start()
+    solver = simulation.solver
+    sweep = solver.flow.sweeps().forces(density=True)
+    floor = Plane("floor", (0.0, 0.0), (0.0, 1.0))
+    images = at_planes([floor], float(simulation.particles.host("support").max()))
+    run = solver.flow.bound(replace(sweep, sources=(*sweep.sources, *images)))
+    run(len(simulation.particles), **solver.flow.numbers(1))
+    return simulation
 
 
 def channel(

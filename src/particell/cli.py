@@ -138,14 +138,17 @@ def check(case: str, settings: tuple[str, ...], timing: bool, threads: int | Non
 @click.argument("case", metavar="CASE|FILE.toml")
 @click.option("--set", "settings", multiple=True, metavar="KEY=VALUE", help="Set a parameter.")
 @click.option("--equations", is_flag=True, help="Print what a pair adds (needs SymPy).")
+@click.option("--exchange", is_flag=True, help="Print the fields that are read and written.")
 @click.option("--show", metavar="SWEEP", help="Print the generated loop of a sweep.")
-def laws(case: str, settings: tuple[str, ...], equations: bool, show: str | None) -> int:
+def laws(
+    case: str, settings: tuple[str, ...], equations: bool, exchange: bool, show: str | None
+) -> int:
     """List the laws that a case's particles obey, sweep by sweep."""
     from particell.cases.base import Context
     from particell.schemes.listing import describe, generated
 
     simulation = described_case(case, settings).build(Context(seed=1))
-    lines = generated(simulation, show) if show else describe(simulation, equations)
+    lines = generated(simulation, show) if show else describe(simulation, equations, exchange)
     for line in lines:
         click.echo(line)
     return 0

@@ -25,6 +25,7 @@ from particell.schemes.transport_velocity import TransportVelocity
 from particell.simulation import Simulation
 from systems import (
     UNIT_TEMPERATURE,
+    beside_a_mirror,
     channel,
     periodic_lattice,
     transported_lattice,
@@ -77,6 +78,7 @@ def flows():
     yield channel((8, 6), hot, fluctuations=True, density="summation", density_diffusion=None)
     yield periodic_lattice(8, 2, integrator="trapezoidal")
     yield periodic_lattice(8, 1)
+    yield beside_a_mirror()
 
 
 def transported():

@@ -27,8 +27,8 @@ from particell.schemes.sdpd import SDPD
 from particell.schemes.static import Static
 from particell.schemes.transport_velocity import TransportVelocity
 from particell.simulation import Simulation
-from systems import (UNIT_TEMPERATURE, channel, periodic_lattice, transported_lattice,
-                     unit_fluid, vortices)
+from systems import (UNIT_TEMPERATURE, beside_a_mirror, channel, periodic_lattice,
+                     transported_lattice, unit_fluid, vortices)
 
 HOT = unit_fluid(viscosity=5.0, sound_speed=30.0, temperature=UNIT_TEMPERATURE)
 SMALL = dict(support=2.2, skin=0.3)
@@ -82,8 +82,11 @@ def plates(device):
     return Simulation(domain, [fluid(domain, unit_fluid(), 1.0), *moving], scheme,
                       device=device), 2
 
+def mirror(device):
+    return beside_a_mirror(device), 0
+
 hot = (noisy, hot_walls, hot_walls_in_space)
-for make in (*hot, walls, trapezoidal, species, transported, plates):
+for make in (*hot, walls, trapezoidal, species, transported, plates, mirror):
     states = []
     for backend in ("cpu", "cuda"):
         simulation, steps = make(Device(backend))
@@ -113,7 +116,7 @@ def test_cuda_gives_what_the_cpu_gives():
         [sys.executable, "-c", SCRIPT], capture_output=True, text=True, env=environment, timeout=300
     )
     assert done.returncode == 0, done.stderr[-3000:]
-    assert done.stdout.split("\n")[:9] == [
+    assert done.stdout.split("\n")[:10] == [
         "noisy agrees",
         "hot_walls agrees",
         "hot_walls_in_space agrees",
@@ -122,5 +125,6 @@ def test_cuda_gives_what_the_cpu_gives():
         "species agrees",
         "transported agrees",
         "plates agrees",
+        "mirror agrees",
         "reductions agree",
     ]

@@ -8,6 +8,7 @@ import pytest
 import particell as pc
 from particell.cli import call
 from particell.laws import vector, where
+from particell.laws.diffusion import pair_slopes
 from systems import forces
 
 
@@ -23,6 +24,15 @@ def test_equations_of_cases(capsys, case):
     """With a head, with noise, with shifting."""
     assert call(["laws", case, "--equations"]) == 0
     assert "a += " in capsys.readouterr().out
+
+
+def test_what_is_read_and_written(capsys):
+    assert call(["laws", "couette", "--exchange"]) == 0
+    text = capsys.readouterr().out
+    filtered = text[text.index("filtered_density: ") : text.index("wall_pressure: ")]
+    assert "\n  of neighbours: mass, volume, x\n" in filtered
+    assert "\n  of the particle: is_wall, mass, support, volume, x\n" in filtered
+    assert "\n  written: density_half\n" in filtered
 
 
 def test_the_loop_is_shown(capsys):
@@ -165,6 +175,48 @@ def test_wrong_answers_name_the_law(answer, words):
 def test_equality_is_a_comparison_of_values():
     law = Answers(lambda i, j, ij: {"a": where(i.density == 1.0, 2.0, 5.0) * ij.x})
     assert two(law).particles.by_id("a")[0, 0] == pytest.approx(-4.0)
+
+
+class Drawn(pc.Law):
+    """Reads one field of neighbours, another one of the particle, a third one when it ends."""
+
+    def pair(self, i, j, ij):
+        return {"a": (i.mine * j.its * ij.F) * ij.x}
+
+    def finish(self, i, sums):
+        return {"a": i.last * i.v}
+
+
+def test_a_field_that_a_law_reads_of_neighbours_is_known_without_a_word():
+    fields = [pc.Field(name) for name in ("mine", "its", "last")]
+    box = pc.Domain((0, 0), (8, 8), periodic="xy", depth=1.0)
+    unit = pc.Fluid(density=1.0, viscosity=1.0, sound_speed=10.0)
+
+    def forces(*more):
+        scheme = pc.SDPD(more=more, fields=fields)
+        return pc.Simulation(box, pc.fluid(box, unit, 1.0), scheme).solver.flow.sweeps().forces()
+
+    before, after = forces(), forces(Drawn())
+    for what, more in (
+        ("reads_of_neighbours", {"its"}),
+        ("reads", {"mine", "last"}),
+        ("writes", set()),
+    ):
+        old, new = (set(getattr(sweep, what)()) for sweep in (before, after))
+        assert new - old == more and old <= new
+    assert before.writes() == ("a",)
+    assert {"x", "v", "volume", "pressure_term"} <= set(before.reads_of_neighbours())
+    assert not {"a", "image", "wall_normal"} & set(pair_slopes(2, 0, True).reads_of_neighbours())
+
+
+def test_functions_that_take_the_particle_s_place_read_what_they_take():
+    """Of walls the depth and the normal, by their place in the list."""
+    box = pc.Domain((0, 0), (8, 8), periodic="x", depth=1.0)
+    unit = pc.Fluid(density=1.0, viscosity=1.0, sound_speed=10.0)
+    walls = pc.channel_walls(box, unit, 1.0, axis=1)
+    simulation = pc.Simulation(box, [pc.fluid(box, unit, 1.0), *walls], pc.SDPD())
+    read = simulation.solver.flow.sweeps().forces().reads_of_neighbours()
+    assert {"wall_normal", "wall_depth", "wall_curvature"} <= set(read)
 
 
 def test_what_does_not_vanish_by_itself_ends_at_the_support():

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from particell.compute.batches import BATCH
-from particell.compute.dependence import Dependence
+from particell.compute.dependence import SEEING, Dependence
 from particell.compute.emit import Writer
 from particell.compute.plan import Pass, Plan, sum_names
 
@@ -111,7 +111,7 @@ class _Generator:
 
     def _symbol(self, what: tuple) -> str:
         kind, name, side, component = what
-        if kind in ("pair", "sum"):
+        if kind in ("pair", "apart", "sum"):
             return name
         if kind == "index":
             return side
@@ -244,11 +244,13 @@ class _Generator:
         if not batches:
             pairs.names.update(gather.names)
         acts = self._act(p, roots, pairs, "begin + q" if batches else "k")
-        begin, last = self._argument(p.first), self._argument(p.last)
+        begin, last = f"{self._argument(p.first)}[i]", f"{self._argument(p.last)}[i]"
+        if p.itself:  # after the others
+            last += " + 1"
         if not batches:
             inside = acts if p.stored else ["if r2 < reach2:", *_indented(acts)]
-            loop = [*reads, *inside]
-            return [f"for k in range({begin}[i], {last}[i]):", *_indented(loop)]
+            loop = [f"for k in range({begin}, {last}):", *_indented([*reads, *inside])]
+            return self._where(roots, own, loop)
         stores, fills = self._stores(columns, gather), self._fills(p, roots, columns)
         keep = "c += np.uint64(1)" if p.stored else "c += np.uint64(r2 < reach2)"
         whole_vectors = not p.stored and all(
@@ -259,10 +261,10 @@ class _Generator:
         whole = f"base_whole = batch_row(i) * np.uint64({BATCH} * WHOLE_COLUMNS)"
         self._argument("columns")
         has_whole = any(self.values.is_whole(n) for n in columns)
-        return [
+        lines = [
             base,
             *([whole] if has_whole else []),
-            f"begin, last = np.uint64({begin}[i]), np.uint64({last}[i])",
+            f"begin, last = np.uint64({begin}), np.uint64({last})",
             "while begin < last:",
             f"    end = min(last, begin + np.uint64({BATCH}))",
             "    c = np.uint64(0)",
@@ -273,6 +275,14 @@ class _Generator:
             *_indented([*loads, *acts], 2),
             "    begin = end",
         ]
+        return self._where(roots, own, lines)
+
+    @staticmethod
+    def _where(roots: dict[str, tuple[Any, ...]], own: Writer, lines: list[str]) -> list[str]:
+        """Lines under the condition on i that a pass may have."""
+        if "only" not in roots:
+            return lines
+        return [f"if {own.names[roots['only'][0]]}:", *_indented(lines)]
 
     def _neighbour(
         self,
@@ -283,20 +293,24 @@ class _Generator:
         width: int,
     ) -> list[str]:
         """Read neighbour k: offset, distance, what is looked up or decided pair by pair."""
-        lines = [
-            f"j = {self._argument('neighbours')}[k]",
-            f"other = np.uint64(j) * np.uint64({width})",
-        ]
+        row = f"{self._argument('neighbours')}[k]"
+        if p.itself:
+            row = f"np.uint64({row}) if k < {self._argument(p.last)}[i] else np.uint64(i)"
+        lines = [f"j = {row}", f"other = np.uint64(j) * np.uint64({width})"]
         period, inverse = self._argument("period"), self._argument("inverse_period")
         for d in range(self.plan.dim):
             lines.append(f"dx{d} = x{d} - record[other + np.uint64({d})]")
         lines.append("if wraps:")
         for d in range(self.plan.dim):
             lines.append(f"    dx{d} -= {period}[{d}] * nearest_whole(dx{d} * {inverse}[{d}])")
-        square = " + ".join(f"dx{d} * dx{d}" for d in range(self.plan.dim))
-        lines.append(f"r2 = {square}")
         for number, place in self.values.record.items():
             gather.names[number] = f"record[other + np.uint64({place})]"
+        if p.offset:
+            lines += self._write(gather, list(roots["offset"]), named=True)
+            seen = [gather.names[number] for number in roots["offset"]]
+            lines += [f"dx{d} = {name}" for d, name in enumerate(seen)]
+        square = " + ".join(f"dx{d} * dx{d}" for d in range(self.plan.dim))
+        lines.append(f"r2 = {square}")
         early = [n for n in columns if self.values.is_early(n)]
         lines += self._write(gather, early)
         if p.support is not None:
@@ -329,7 +343,8 @@ class _Generator:
         if p.stored:
             return []
         self._argument("support")
-        risky = self.values.risky([n for values in roots.values() for n in values], columns)
+        wanted = [n for name, values in roots.items() if name not in SEEING for n in values]
+        risky = self.values.risky(wanted, columns)
         lines = [f"filled = whole_lanes(c, {BATCH})", "for q in range(c, filled):"]
         for number in columns:
             place = f"    {self._column(columns, number)} + q]"
@@ -359,7 +374,7 @@ class _Generator:
         wanted = [
             n
             for name, values in roots.items()
-            if name != "support"
+            if name not in SEEING
             for n in values
             if isinstance(n, int)
         ]

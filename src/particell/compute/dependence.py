@@ -12,6 +12,8 @@ from particell.kernels import shape_f, shape_w
 #: What a value depends on.
 NUMBER, OWN, ITS, PAIR = range(4)
 _SIDES = {"": NUMBER, "i": OWN, "j": ITS, "pair": PAIR}
+#: Roots of a pass that decide whom it sees, and where.
+SEEING = ("support", "offset", "only")
 #: What is not finite, or no number, for some arguments.
 FUNCTIONS = ("call", "sqrt", "log", "exp", "**")
 
@@ -47,7 +49,9 @@ class Dependence:
         found |= {f"stored {name}": (self.number(v),) for name, v in p.stored.items()}
         if p.support is not None:
             found["support"] = (self.number(p.support),)
-        return found
+        if p.only is not None:
+            found["only"] = (self.number(p.only),)
+        return found | {"offset": tuple(map(self.number, p.offset))}
 
     def level(self, number: int) -> int:
         """Whether a value is of no particle, of i, of j or of the pair."""
@@ -83,7 +87,11 @@ class Dependence:
         columns: dict[int, None] = {}
         once: dict[int, None] = {}
         seen: set[int] = set()
-        waiting = [n for values in roots.values() for n in values if isinstance(n, int)]
+        for number in roots["offset"]:  # computed where neighbours are gathered
+            once |= dict.fromkeys(self._own_below(number))
+        waiting = [
+            n for k, values in roots.items() if k != "offset" for n in values if isinstance(n, int)
+        ]
         while waiting:
             number = waiting.pop(0)
             if number in seen:
@@ -101,7 +109,7 @@ class Dependence:
         return list(columns), list(once)
 
     def _own_below(self, number: int) -> list[int]:
-        """What an early value needs of i."""
+        """What a value that is computed early needs of i."""
         found, waiting, seen = [], self.numbering.uses(number), set()
         while waiting:
             below = waiting.pop()

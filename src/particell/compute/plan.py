@@ -22,6 +22,13 @@ class Pass:
         The pair's support where it is not that of i.
     stored
         What is kept of each pair, by the name of an array with an entry for each of the list's.
+    offset
+        Components of x_i minus the place where j is seen, where that is not its own; of the
+        difference of both places (symbols of the kind ``"apart"``) and of what is known of i, j.
+    itself
+        Whether i, which its row does not hold, is seen by itself too.
+    only
+        A condition on i without which nobody is seen.
     """
 
     first: str
@@ -29,6 +36,14 @@ class Pass:
     sums: dict[str, tuple[Any, ...]]
     support: Any = None
     stored: dict[str, Any] = field(default_factory=dict)
+    offset: tuple[Any, ...] = ()
+    itself: bool = False
+    only: Any = None
+
+    def values(self) -> list[Any]:
+        """All that it computes."""
+        summed = [v for values in self.sums.values() for v in values]
+        return [*summed, *self.stored.values(), self.support, *self.offset, self.only]
 
 
 @dataclass(frozen=True)
@@ -70,6 +85,17 @@ class Plan:
     zeroed: tuple[str, ...] = ()
     whole: frozenset[str] = frozenset({"id", "group"})
 
+    def reads_of_neighbours(self) -> set[str]:
+        """Fields of j that pairs need."""
+        return {"x"} | _read([v for p in self.passes for v in p.values()], "j")
+
+    def reads(self) -> set[str]:
+        """Fields of i that pairs and the sums' end need."""
+        values = [v for p in self.passes for v in p.values()]
+        values += [v for result in self.results.values() for v in result.values]
+        also = {"x", "support"} | ({"is_wall"} if self.targets != "all" else set())
+        return also | _read(values, "i")
+
 
 def sum_names(name: str, components: int) -> list[str]:
     """The variables of a sum."""
@@ -82,3 +108,28 @@ def sum_symbols(name: str, components: int) -> tuple[Node, ...]:
     return tuple(
         Node("symbol", (), ("sum", text, "i", None)) for text in sum_names(name, components)
     )
+
+
+def _read(values: list[Any], side: str) -> set[str]:
+    """Fields of the particle on a side that values are made of.
+
+    Of a function that takes the particle's place all arrays count that it takes too: it may read
+    any of them there.
+    """
+    found: set[str] = set()
+    waiting, seen = [v for v in values if isinstance(v, Node)], set()
+    while waiting:
+        node = waiting.pop()
+        if id(node) in seen:
+            continue
+        seen.add(id(node))
+        waiting += [a for a in node.args if isinstance(a, Node)]
+        if node.op == "symbol":
+            kind, name, its, _ = node.what
+            if its == side and kind in ("field", "table"):
+                found.add("group" if kind == "table" else name)
+        elif node.op == "call":
+            symbols = [a.what for a in node.args if isinstance(a, Node) and a.op == "symbol"]
+            if any(kind == "index" and its == side for kind, _, its, _ in symbols):
+                found |= {n for kind, n, _, part in symbols if kind == "array" and part is None}
+    return found

@@ -72,7 +72,7 @@ def accumulate(lane, values, lanes, bins):
                 bins[row, kind] += 1
                 continue
             if exponent == 0:
-                exponent = np.int64(1)  # a denormal number
+                exponent = 1  # a denormal number
             else:
                 fraction |= _HIDDEN
             # the number is fraction 2^(exponent - 1075)

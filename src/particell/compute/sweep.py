@@ -20,7 +20,7 @@ from particell.compute.generated import load
 from particell.compute.plan import Pass, Plan, Result, sum_symbols
 from particell.errors import InputError, unknown_name
 from particell.laws.law import Law, Values
-from particell.sources.source import Names, Side
+from particell.sources.source import Names, Side, Source
 
 
 @dataclass(frozen=True)
@@ -47,29 +47,32 @@ class Sweep:
         Fields that are zero for the others.
     stored
         Values of pairs that are kept, by the law's name for them: arrays along the list.
-    writes
+    addable
         Fields that laws may add to; all where it is left out.
     """
 
     name: str
     laws: tuple[Law, ...]
-    sources: tuple[Any, ...]
+    sources: tuple[Source, ...]
     names: Names
     kernel: int
     uniform: bool
     targets: str = "mobile"
     zeroed: tuple[str, ...] = ()
     stored: tuple[str, ...] = ()
-    writes: tuple[str, ...] | None = None
+    addable: tuple[str, ...] | None = None
 
     def numbers(self) -> dict[str, float]:
-        """The laws' own numbers, which the loop is given, by name."""
-        return {
+        """The laws' and the sources' own numbers, which the loop is given, by name."""
+        found = {
             f"{_name(law, k)}_{name}": value
             for k, law in enumerate(self.laws)
             for name, value in vars(law).items()
             if isinstance(value, float)
         }
+        for source in self.sources:
+            found |= source.numbers()
+        return found
 
     def _with_symbols(self) -> list[Law]:
         """The laws with symbols for their own numbers: other values are the same loop."""
@@ -106,8 +109,20 @@ class Sweep:
             stored = {name: adds.pop(name) for name in self.stored if name in adds}
             parts = {name: components(value, dim) for name, value in adds.items()}
             sums |= {name: (len(parts[name]), adds[name]) for name in parts}
-            support = None if self.uniform else ij.support
-            passes.append(Pass(source.first, source.last, parts, support, stored))
+            passes.append(
+                Pass(
+                    source.first,
+                    source.last,
+                    parts,
+                    support=None if self.uniform else ij.support,
+                    stored=stored,
+                    offset=() if ij.offset is None else ij.offset.parts(dim),
+                    itself=ij.itself,
+                    only=ij.only,
+                )
+            )
+            if ij.itself and stored:
+                raise InputError(f"{self.name} over images", ", ".join(stored), "not kept of pairs")
         return Plan(
             name=self.name,
             title=", ".join(type(law).__name__ for law in self.laws),
@@ -130,10 +145,10 @@ class Sweep:
             own = {n: symbols.get(prefix + n, 0.0) for n in law.own}
             for name, value in _asked(law, "finish", me, Values(**own)).items():
                 totals[name] = _added(law, name, totals.get(name), value)
-        writes = self.names.fields if self.writes is None else self.writes
+        known = self.names.fields if self.addable is None else self.addable
         for name, value in totals.items():
-            if name not in writes:
-                raise unknown_name("what a law adds (to fields, or to its own sums)", name, writes)
+            if name not in known:
+                raise unknown_name("what a law adds (to fields, or to its own sums)", name, known)
             if len(components(value, dim)) != max(1, self.names.fields[name]):
                 wrong = f"{len(components(value, dim))} components"
                 raise InputError(f"what a law adds to {name}", wrong, "a number, or a vector")
@@ -141,6 +156,18 @@ class Sweep:
             name: Result(components(value, dim), self.names.fields[name] > 0)
             for name, value in totals.items()
         }
+
+    def reads_of_neighbours(self) -> tuple[str, ...]:
+        """Fields that must be there of all neighbours, those of other ranks too."""
+        return tuple(sorted(self.plan().reads_of_neighbours()))
+
+    def reads(self) -> tuple[str, ...]:
+        """Fields of the particle itself that are read."""
+        return tuple(sorted(self.plan().reads()))
+
+    def writes(self) -> tuple[str, ...]:
+        """Fields of the particle that are written; what is kept of pairs is in ``stored``."""
+        return tuple(sorted(self.plan().results))
 
     def source(self, form: str = "gather") -> Generated:
         """The generated loops' text and sizes."""

@@ -214,7 +214,7 @@ class FlowSweeps:
             [Particles(velocity=velocity), *walls],
             names=self._derived(**derived),
             zeroed=("a", *(("density_rate",) if density else ())),
-            writes=self._written(density),
+            addable=self._written(density),
         )
 
     def summed_density(self) -> Sweep:

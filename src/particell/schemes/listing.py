@@ -25,17 +25,25 @@ def sweeps_of(simulation: Simulated) -> dict[str, Sweep]:
     return {sweep.name: sweep for sweep in simulation.solver.descriptions()}
 
 
-def describe(simulation: Simulated, written: bool = False) -> Iterator[str]:
-    """Lines: every sweep, its laws (with ``written`` their equations), what they read of j."""
+def describe(simulation: Simulated, written: bool = False, exchange: bool = False) -> Iterator[str]:
+    """Lines: every sweep and its laws.
+
+    With ``written`` their equations, with ``exchange`` the fields that are read of neighbours and
+    of the particle, and written.
+    """
     for name, sweep in sweeps_of(simulation).items():
         made = sweep.source()
-        yield f"{name}: {', '.join(sorted(sweep.plan().results))}"
+        yield f"{name}: {', '.join(sweep.writes())}"
         width = max(len(type(law).__name__) for law in sweep.laws)
         for law in sweep.laws:
             yield f"  {type(law).__name__:{width}}  {first_line(law)}"
             if written:
                 for result, value in equations(law).items():
                     yield f"  {'':{width}}    {result} += {value}"
+        if exchange:
+            yield f"  of neighbours: {', '.join(sweep.reads_of_neighbours())}"
+            yield f"  of the particle: {', '.join(sweep.reads())}"
+            yield f"  written: {', '.join(sweep.writes())}"
         yield f"  ({made.record} numbers of a neighbour, {made.columns} columns)"
 
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from particell.compute.expressions import where
-from particell.sources.source import Pair, Side
+from particell.sources.source import Pair, Side, Source
 
 
 @dataclass(frozen=True)
-class Particles:
+class Particles(Source):
     """Neighbours as they are.
 
     Attributes

@@ -7,13 +7,14 @@ meets it. Laws do not know the difference.
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
 from particell.compute.expressions import Node, Number, Vector, call, early, sqrt, symbol
-from particell.errors import unknown_name
+from particell.errors import InputError, unknown_name
 from particell.kernels import power, shape_f, shape_w
 from particell.laws.fluctuations import pair_numbers
 
@@ -84,8 +85,11 @@ class Side:
         if name.startswith("_"):
             raise AttributeError(name)
         if name not in self._values:
-            self._values[name] = self.names.look(name, self)
+            self._values[name] = self._look(name)
         return self._values[name]
+
+    def _look(self, name: str, derived: bool = True) -> Any:
+        return self.names.look(name, self, derived)
 
     @property
     def dim(self) -> int:
@@ -94,7 +98,7 @@ class Side:
 
     def field(self, name: str) -> Any:
         """A field itself, whatever else goes by its name."""
-        return self.names.look(name, self, derived=False)
+        return self._look(name, derived=False)
 
     @property
     def index(self) -> Node:
@@ -103,7 +107,30 @@ class Side:
 
     def replace(self, **values: Any) -> Side:
         """The same particle, seen with other values."""
-        return Side(self.names, self.side, {**self._values, **values})
+        other = copy.copy(self)
+        other._values = {**self._values, **values}
+        return other
+
+
+class Source:
+    """Whom a sweep sums over; derive from it.
+
+    Attributes
+    ----------
+    first, last
+        The list's arrays between whose values the neighbours stand in a row.
+    """
+
+    first: str
+    last: str
+
+    def see(self, i: Side, j: Side, kernel: int, uniform: bool) -> tuple[Side, Side, Pair]:
+        """i, j and the pair as laws see them."""
+        raise NotImplementedError
+
+    def numbers(self) -> dict[str, float]:
+        """Numbers of its own that loops are given, by name."""
+        return {}
 
 
 def difference(name: str, a: Vector, b: Vector) -> Vector:
@@ -129,7 +156,17 @@ class Pair:
         V_j F in 1/m².
     wall
         Whether j is a particle of a wall.
+    offset
+        x as it follows from the places of i and j, where j is seen elsewhere
+        (:attr:`.Pass.offset`).
+    itself, only
+        Whether i is its own neighbour too, and a condition on i for there to be any (see
+        :class:`.Pass`).
     """
+
+    offset: Vector | None = None
+    itself: bool = False
+    only: Node | None = None
 
     def __init__(
         self,
@@ -205,6 +242,8 @@ class Pair:
 
     def noise(self, gaussian: bool) -> Vector:
         """D numbers of zero mean and unit variance, ξ_ij = −ξ_ji, by ids and step."""
+        if self.offset is not None:
+            raise InputError("noise", "of images", "off: no law says yet how it is mirrored")
         numbers = [symbol("number", name) for name in ("step", "key0", "key1")]
         args = (self.i.id, self.j.id, *numbers, gaussian, self.dim)
         return Vector.of("noise", call(pair_numbers, args, 3)[: self.dim])

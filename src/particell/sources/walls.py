@@ -13,7 +13,7 @@ from numba import njit
 from particell.boundaries.wall import extrapolation, missed, plane_distances, surface_distance
 from particell.compute.expressions import Number, Vector, call, early, symbol
 from particell.laws.viscosity import TINY, sheared
-from particell.sources.source import Pair, Side
+from particell.sources.source import Pair, Side, Source
 
 #: What laws see of a wall particle: the properties of the fluid that meets it.
 FLUIDS_OWN = ("transverse", "radial", "thermal", "kernel_sum")
@@ -73,7 +73,7 @@ class WallPair(Pair):
 
 
 @dataclass(frozen=True)
-class Walls:
+class Walls(Source):
     """Wall particles of a row.
 
     Attributes

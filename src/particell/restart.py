@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from particell.errors import InputError
+from particell.laws.digest import scheme_text
 
 if TYPE_CHECKING:
     from particell.simulation import Simulation
@@ -53,7 +54,7 @@ def description(simulation: Simulation) -> dict[str, str]:
     return {
         "domain": repr(s.domain),
         "materials": repr(s.materials),
-        "scheme": repr(s.scheme),
+        "scheme": scheme_text(s.scheme),
         "precision": str(s.device.real),
         "species": repr([*chemistry.species.values()] if chemistry else []),
         "rates": repr([[t.rate.tolist(), t.value.tolist()] for t in chemistry.tables])

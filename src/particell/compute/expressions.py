@@ -261,6 +261,7 @@ class Vector:
     """A sum of coefficients times base vectors; see the module's docstring."""
 
     __slots__ = ("terms",)
+    __array_ufunc__ = None  # an array times a vector is a vector of arrays
 
     def __init__(self, terms: dict[Base, Number]):
         self.terms = terms
@@ -347,6 +348,7 @@ class Symmetric:
     """A symmetric tensor: components (p, q) with p ≤ q, row by row."""
 
     __slots__ = ("dim", "values")
+    __array_ufunc__ = None
 
     def __init__(self, dim: int, values: dict[tuple[int, int], Number]):
         self.dim, self.values = dim, values

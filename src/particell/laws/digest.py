@@ -158,9 +158,7 @@ class _Digest:
             except ValueError:  # not yet given
                 self.put("empty")
 
-    def _feed_code(
-        self, code: types.CodeType, doc: str | None, known: Mapping[str, Any]
-    ) -> None:
+    def _feed_code(self, code: types.CodeType, doc: str | None, known: Mapping[str, Any]) -> None:
         self.put(code.co_argcount, code.co_kwonlyargcount, code.co_flags, *code.co_names)
         self.put(*code.co_varnames[: code.co_argcount + code.co_kwonlyargcount])
         self.hash.update(code.co_code)

@@ -330,7 +330,7 @@ class _Generator:
         """Fill the last vector with pairs outside the support, which do nothing.
 
         Their columns hold what was there. Where that could be divided by, or else not be finite,
-        it is the last neighbour's.
+        it is the last neighbour's; where it could be infinite itself, zero.
         """
         if p.stored:
             return []
@@ -346,6 +346,8 @@ class _Generator:
                 lines.append(f"{place} = support[i]")
             elif number in risky:
                 lines.append(f"{place} = {self._column(columns, number)} + c - np.uint64(1)]")
+            elif not self.values.is_finite(number):
+                lines.append(f"{place} = 0.0")
         return lines
 
     def _columns(self, columns: list[int], gather: Writer, pairs: Writer) -> list[str]:

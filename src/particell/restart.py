@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, Protocol
 
 from particell.errors import InputError
+from particell.laws.digest import scheme_text
 from particell.simulated import Simulated
 from particell.snapshot import Account
 
@@ -44,7 +45,7 @@ def description(simulation: Simulated) -> dict[str, str]:
     return {
         "domain": repr(s.domain),
         "materials": repr(s.materials),
-        "scheme": repr(s.scheme),
+        "scheme": scheme_text(s.scheme),
         "precision": str(s.device.real),
         "seed": repr(s.seed),
         "species": repr([*chemistry.species.values()] if chemistry else []),

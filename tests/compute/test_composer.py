@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import particell as pc
+from cloud import FORMS, Cloud
 from particell.compute.composer import source_of
 from particell.compute.expressions import Node, Vector, call, maximum, sqrt, symbol, where
 from particell.compute.plan import Pass, Plan, Result, sum_symbols
@@ -129,3 +130,29 @@ def test_all_forms_give_the_same_to_round_off(name):
         for k, values in found[0].items():
             scale = max(np.abs(values).max(), 1e-300)
             assert np.abs(values - found[1][k]).max() <= 1e-12 * scale, (sweep.name, k)
+
+
+class Total(pc.Law):
+    """Something of all neighbours that may be infinite."""
+
+    def pair(self, i, j, ij):
+        return {"total": ij.W * j.content}
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_what_is_infinite_stays_where_it_is(form):
+    """Lanes that only fill a vector hold what was there before: of another row's neighbours."""
+    random = np.random.default_rng(1)
+    n = 40
+    content = random.uniform(1.0, 2.0, n)
+    content[[20, 37]] = np.inf  # early and late in rows
+    scalars = {"support": np.full(n, 1.5), "content": content}
+    scalars |= {name: np.ones(n) for name in ("volume", "mass", "grow", "gap")}
+    x, v = random.uniform(0.0, 7.0, (n, 2)), np.zeros((n, 2))
+    cloud = Cloud(2, n, scalars, {"x": x, "v": v})
+    results = {"total": 0}
+    found = cloud.read(cloud.sweep([Total()], results, {}), results, form)
+    expected = [adds for (adds,) in cloud.by_hand([Total()])]
+    values = np.array([adds.get("total", 0.0) for adds in expected])
+    np.testing.assert_allclose(found["total"], values, rtol=1e-12)
+    assert 0 < np.isinf(values).sum() < n // 2

@@ -232,12 +232,12 @@ def pair_forces(dim, noise, pairs, draws):
     return np.concatenate(sample), exact
 
 
-@pytest.mark.parametrize("dim", [2, 3])
-@pytest.mark.parametrize("noise", ["bounded", "gaussian"])
+@pytest.mark.parametrize(("dim", "noise"), [(2, "bounded"), (3, "gaussian")])
 def test_fluctuation_dissipation_of_a_pair(dim, noise):
     """Covariance of the pair's force is 2 k_B T (a I + b ee); thresholds at 6 standard errors.
 
-    28 numbers are compared here; P(|z| > 6) = 2e-9, so a false alarm has a probability of 6e-8.
+    18 numbers are compared here; P(|z| > 6) = 2e-9, so a false alarm has a probability of 4e-8.
+    (The law by itself, with both kinds of numbers in each dimension: test_laws.py.)
     """
     force, exact = pair_forces(dim, noise, 2000, 100)
     n = len(force)

@@ -176,10 +176,9 @@ class WallMeasure(Law):
         inverse = 1.0 / where(near, size, 1.0)
         parts = zip(gradient.parts(i.dim), old.parts(i.dim), strict=True)
         direction = [where(near, where(stays, o, g * inverse), 0.0) for g, o in parts]
-        profile = symbol("array", "profile")
         return {
             "wall_fraction": phi,
-            "wall_distance": i.support * call(profile_distance, (phi, profile)),
+            "wall_distance": i.support * call(profile_distance, (phi, i.profile)),
             "wall_direction": Vector.of("direction", direction),
         }
 
@@ -187,7 +186,8 @@ class WallMeasure(Law):
 def measure_walls(dim: int, kernel: int, uniform: bool) -> Sweep:
     """φ, e and d of fluid particles over the walls of the groups marked in ``by_fraction``."""
     fields = {"x": dim, "support": 0, "volume": 0, "wall_fraction": 0, "wall_distance": 0}
-    names = Names(dim, {**fields, "wall_direction": dim}, {"by_fraction": True})
+    profile = {"profile": lambda _: symbol("array", "profile")}
+    names = Names(dim, {**fields, "wall_direction": dim}, {"by_fraction": True}, derived=profile)
     walls = Particles(first="split", last="stop")
     return Sweep("measure_walls", (WallMeasure(),), (walls,), names, kernel, uniform)
 

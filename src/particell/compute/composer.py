@@ -27,6 +27,7 @@ from particell.compute.batches import BATCH
 from particell.compute.dependence import SEEING, Dependence
 from particell.compute.emit import Writer
 from particell.compute.plan import Pass, Plan, sum_names
+from particell.laws.digest import digest, is_own
 
 #: Numbers of a record: whole vectors, or parts of one cache line.
 WIDTHS = (2, 4, 8, 16, 24, 32, 48, 64, 96, 128)
@@ -48,7 +49,7 @@ from particell.compute.rounding import nearest_whole
 
 @dataclass(frozen=True)
 class Generated:
-    """A module's text, the functions that it calls, and the sizes of what it works with.
+    """A module's text, functions of the user's that it calls, the sizes of what it works with.
 
     ``renamed`` has names of fields by those of arguments, where they differ.
     """
@@ -75,6 +76,7 @@ class _Generator:
         self.plan, self.form = plan, form
         self.values = Dependence(plan)
         self.functions: dict[str, Any] = {}
+        self.given: dict[str, Any] = {}  # those of the user's, which are not imported
         self.arguments: dict[str, None] = {}
         self.renamed: dict[str, str] = {}  # names of fields, by those of arguments
         self.columns = self.whole_columns = 0
@@ -86,13 +88,14 @@ class _Generator:
         imports = sorted(
             f"from {f.__module__} import {name}"
             for name, f in ((n, getattr(g, "py_func", g)) for n, g in self.functions.items())
+            if name not in self.given
         )
         title = f'"""{self.plan.title}. Generated: not to be edited."""\n'
         text = "\n".join([title, HEAD + "\n".join(imports), "", "", *pack, "", "", *loop, ""])
         text = text.replace("WHOLE_COLUMNS", str(self.whole_columns))
         text = text.replace("COLUMNS", str(self.columns))
         sizes = (width, self.columns, self.whole_columns)
-        return Generated(text, self.functions, *sizes, self.renamed)
+        return Generated(text, self.given, *sizes, self.renamed)
 
     # text
 
@@ -106,7 +109,10 @@ class _Generator:
 
     def _function(self, function: Any) -> str:
         name = getattr(function, "py_func", function).__name__
-        assert self.functions.setdefault(name, function) is function, name
+        if is_own(function):  # another body is another name, and so another file
+            name = f"{name.strip('<>')}_{digest(function, f'what {name} of a law reads')}"
+            self.given[name] = function
+        assert self.functions.setdefault(name, function) is function or name in self.given, name
         return name
 
     def _symbol(self, what: tuple) -> str:
@@ -338,7 +344,7 @@ class _Generator:
         """Fill the last vector with pairs outside the support, which do nothing.
 
         Their columns hold what was there. Where that could be divided by, or else not be finite,
-        it is the last neighbour's.
+        it is the last neighbour's; where it could be infinite itself, zero.
         """
         if p.stored:
             return []
@@ -355,6 +361,8 @@ class _Generator:
                 lines.append(f"{place} = support[i]")
             elif number in risky:
                 lines.append(f"{place} = {self._column(columns, number)} + c - np.uint64(1)]")
+            elif not self.values.is_finite(number):
+                lines.append(f"{place} = 0.0")
         return lines
 
     def _columns(self, columns: list[int], gather: Writer, pairs: Writer) -> list[str]:

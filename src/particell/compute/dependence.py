@@ -14,6 +14,9 @@ NUMBER, OWN, ITS, PAIR = range(4)
 _SIDES = {"": NUMBER, "i": OWN, "j": ITS, "pair": PAIR}
 #: Roots of a pass that decide whom it sees, and where.
 SEEING = ("support", "offset", "only")
+#: Fields that are finite as long as a run is not broken; others may hold infinity.
+FINITE = {"x", "v", "a", "mass", "volume", "support", "density", "density_half", "density_rate"}
+FINITE |= {"pressure", "pressure_term", "transport", "shift", "flux", "kernel_sum", "buoyancy"}
 #: What is not finite, or no number, for some arguments.
 FUNCTIONS = ("call", "sqrt", "log", "exp", "**")
 
@@ -178,6 +181,12 @@ class Dependence:
         """Whether a value is a component of x_ij."""
         node = self.numbering.nodes[number]
         return node.op == "symbol" and node.what[0] == "pair"
+
+    def is_finite(self, number: int) -> bool:
+        """Whether a value is made of fields that are finite: zero times infinity is no number."""
+        nodes = (self.numbering.nodes[k] for k in self.numbering.under([number]))
+        whats = (node.what for node in nodes if node.op == "symbol")
+        return all(kind != "field" or name in FINITE for kind, name, *_ in whats)
 
     def risky(self, roots: list[Any], columns: list[int]) -> set[int]:
         """Columns that something is divided by, or that functions are taken of."""

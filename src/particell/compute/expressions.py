@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numba import njit
 
 #: A float, an array, a :class:`Node`, a quantity, a SymPy expression.
 Number = Any
@@ -145,16 +146,33 @@ def symbol(kind: str, name: str, side: str = "", component: int | None = None) -
     return Node("symbol", (), (kind, name, side, component))
 
 
-def call(function: Callable[..., Any], args: Sequence[Any], results: int = 1, early: bool = False):
-    """The result (or results) of a function compiled by Numba, as nodes.
+@functools.cache
+def _compiled(function: Callable[..., Any]) -> Callable[..., Any]:
+    """A plain function, compiled."""
+    return njit(error_model="numpy")(function)
 
-    ``early`` ones branch or look up tables and would keep a loop from being vectorised: they are
-    called where neighbours are gathered.
+
+def call(function: Callable[..., Any], args: Sequence[Any], results: int = 1, early: bool = False):
+    """What a function of numbers gives, for what arithmetic cannot say: a table, a solver.
+
+    Parameters
+    ----------
+    function
+        Of numbers, such as Numba compiles; it may read arrays that never change.
+    args
+        What it is given.
+    results
+        How many numbers it gives.
+    early
+        Functions that branch or look up tables would keep a loop from being vectorised: they are
+        called where neighbours are gathered.
     """
     if any(_symbolic(a) for a in args) and results == 1:
         return _sympy().Function(getattr(function, "py_func", function).__name__)(*args)
     if not any(isinstance(a, Node) for a in args):
         return getattr(function, "py_func", function)(*args)
+    if not hasattr(function, "py_func"):
+        function = _compiled(function)
     whole = Node("call", tuple(args), (function, results, early))
     if results == 1:
         return whole
@@ -243,6 +261,7 @@ class Vector:
     """A sum of coefficients times base vectors; see the module's docstring."""
 
     __slots__ = ("terms",)
+    __array_ufunc__ = None  # an array times a vector is a vector of arrays
 
     def __init__(self, terms: dict[Base, Number]):
         self.terms = terms
@@ -329,6 +348,7 @@ class Symmetric:
     """A symmetric tensor: components (p, q) with p ≤ q, row by row."""
 
     __slots__ = ("dim", "values")
+    __array_ufunc__ = None
 
     def __init__(self, dim: int, values: dict[tuple[int, int], Number]):
         self.dim, self.values = dim, values

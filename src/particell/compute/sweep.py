@@ -200,7 +200,7 @@ class Sweep:
         """
         form = form or ("gather" if device.backend == "cpu" else "cuda")
         made = self.source(form)
-        module = load(self.name, made.text, {})
+        module = load(self.name, made.text, made.functions)
         n = len(fields["x"])
         width = BATCH * batch_rows(device, n)
         sizes = {

@@ -3,6 +3,7 @@
 from particell.compute.expressions import (
     Symmetric,
     Vector,
+    call,
     cos,
     exp,
     log,
@@ -21,6 +22,7 @@ __all__ = [
     "Symmetric",
     "Values",
     "Vector",
+    "call",
     "cos",
     "exp",
     "log",

@@ -11,10 +11,12 @@ their materials (``i.transverse``). ``ij`` is what the pair has (:class:`.Pair`)
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
 from particell.compute.expressions import Number, Vector, sqrt
+from particell.laws import digest
 
 #: What a law adds, by the name of a field or of one of its own sums.
 Adds = Mapping[str, Any]
@@ -43,6 +45,23 @@ class Law:
         ``sums`` has the law's :attr:`own` ones as attributes.
         """
         return {}
+
+    def largest_step(self, i: Any) -> Number:
+        """The largest time step in s that the law allows particle i; without limit by default.
+
+        It is asked where an automatic step is chosen, with arrays of all particles. Right is about
+        1/λ where the law makes something decay, at most at the rate λ, and 1/(2ω) where it makes
+        particles swing, at most with the frequency ω.
+        """
+        return math.inf
+
+    def described(self) -> str:
+        """Text that is the same for the same law: a run goes on with the laws that it began with.
+
+        Values in full, functions by their code (:mod:`particell.laws.digest`). A law that holds
+        something else says here what it is.
+        """
+        return digest.described(self)
 
 
 class Values:

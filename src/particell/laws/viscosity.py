@@ -116,7 +116,7 @@ class Viscosity(Law):
         adds: dict[str, Any] = {}
         dim = i.dim
         if self.exact_at_walls:
-            missed = dim * sums.bend / (sums.whole + TINY)
+            missed = dim * sums.bend / where(sums.whole > 0.0, sums.whole, 1.0)
             more = 1.0 / (1.0 - minimum(missed, MOST_MISSED))
             adds["a"] = more * sums.drag
         if self.walls:

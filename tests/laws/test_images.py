@@ -58,9 +58,8 @@ def system(dim, groups, mirrors, whole, scheme):
     simulation = pc.Simulation(box, phases, scheme, dt=0.01)
     simulation.start()
     # the scheme has no radial friction
-    simulation.solver.flow.properties.tables["radial"] = (
-        0.5 * simulation.solver.flow.properties.tables["transverse"]
-    )
+    tables = simulation.solver.flow.properties.tables
+    tables["radial"] = 0.5 * tables["transverse"]
     return simulation
 
 

@@ -63,7 +63,7 @@ def accumulate(lane, values, lanes, bins):
             bins[row, b] = 0
         for i in range(first, last):
             word = np.float64(values[i, c]).view(np.int64)
-            exponent = (word >> np.int64(52)) & np.int64(0x7FF)
+            exponent = np.int64((word >> np.int64(52)) & np.int64(0x7FF))
             fraction = word & _FRACTION
             if exponent == 0x7FF:
                 kind = NOT_A_NUMBER
@@ -72,7 +72,7 @@ def accumulate(lane, values, lanes, bins):
                 bins[row, kind] += 1
                 continue
             if exponent == 0:
-                exponent = 1  # a denormal number
+                exponent = np.int64(1)  # a denormal number
             else:
                 fraction |= _HIDDEN
             # the number is fraction 2^(exponent - 1075)

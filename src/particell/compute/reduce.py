@@ -71,12 +71,10 @@ def accumulate(lane, values, lanes, bins):
                     kind = INFINITE if word >= 0 else MINUS_INFINITE
                 bins[row, kind] += 1
                 continue
-            if exponent == 0:
-                exponent = np.int64(1)  # a denormal number
-            else:
+            if exponent != 0:  # else a denormal number
                 fraction |= _HIDDEN
-            # the number is fraction 2^(exponent - 1075)
-            place = exponent + np.int64(13)
+            # the number is fraction 2^(max(exponent, 1) - 1075)
+            place = max(exponent, np.int64(1)) + np.int64(13)
             b = place >> np.int64(5)
             shift = place & np.int64(31)
             low = (fraction & _LOW) << shift

@@ -75,14 +75,14 @@ def accumulate(lane, values, lanes, bins):
                 fraction |= _HIDDEN
             # the number is fraction 2^(max(exponent, 1) - 1075)
             place = max(exponent, np.int64(1)) + np.int64(13)
-            b = place >> np.int64(5)
+            low_bin = place >> np.int64(5)
             shift = place & np.int64(31)
             low = (fraction & _LOW) << shift
             high = (fraction >> _32) << shift
             sign = np.int64(1) if word >= 0 else np.int64(-1)
-            bins[row, b] += sign * (low & _LOW)
-            bins[row, b + 1] += sign * ((low >> _32) + (high & _LOW))
-            bins[row, b + 2] += sign * (high >> _32)
+            bins[row, low_bin] += sign * (low & _LOW)
+            bins[row, low_bin + 1] += sign * ((low >> _32) + (high & _LOW))
+            bins[row, low_bin + 2] += sign * (high >> _32)
         carry(bins, row)
 
 

@@ -68,6 +68,7 @@ def restore(simulation: Restorable, state: dict[str, Any]) -> None:
     for part, text in state["description"].items():
         if now.get(part) != text:
             raise InputError(f"{part} of the checkpoint", text, f"as now: {now.get(part)}")
+    s.operations.check(state["operations"])
     same = set(fields) == set(s.particles) and all(
         values.shape == s.particles[name].shape for name, values in fields.items()
     )

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from particell.compute.device import Device
+from particell.compute.philox import check_word
 from particell.errors import unknown_name
 from particell.representation import block, span, table
 
@@ -56,6 +57,11 @@ class Particles:
     groups
         The groups, in the order of the field ``group``.
 
+    Raises
+    ------
+    InputError
+        Where they are too many for their ids (of 32 bits in random numbers).
+
     Notes
     -----
     Rows are kept in cell order and change places when neighbour lists are built, the first time at
@@ -64,6 +70,7 @@ class Particles:
     """
 
     def __init__(self, device: Device, n: int, dim: int, groups: list[Group]):
+        check_word("number of particles", n)
         self.device, self.n, self.dim, self.groups = device, n, dim, groups
         self.fields: dict[str, object] = {}
         self._parts: dict[str, str] = {}

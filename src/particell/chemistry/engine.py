@@ -32,7 +32,15 @@ from particell.chemistry.walks import Walks
 from particell.compute.batches import batch_size
 from particell.compute.device import Device
 from particell.compute.neighbours import NeighbourList
-from particell.compute.philox import JUMP, REACTION, RESERVOIR, ROUNDING, SPONGE, stream_key
+from particell.compute.philox import (
+    JUMP,
+    REACTION,
+    RESERVOIR,
+    ROUNDING,
+    SPONGE,
+    check_word,
+    stream_key,
+)
 from particell.errors import InputError, RunError
 from particell.kernels import kernel_code, normalisation
 from particell.laws import diffusion
@@ -272,9 +280,12 @@ class Chemistry(Contents):
 
         Raises
         ------
+        InputError
+            Where the step's number is 2^32 or more: random numbers would be used twice.
         RunError
             Where reactions are too fast to be computed, naming a particle.
         """
+        check_word("step of species", step_index)
         self._bind()
         self._time, begin = time, time - tau if time == time else 0.0
         n = self.particles.n

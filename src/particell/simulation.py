@@ -32,6 +32,7 @@ from particell.compute.philox import stream_key
 from particell.errors import InputError, RunError
 from particell.geometry.domain import Domain
 from particell.laws.buoyancy import Buoyancy
+from particell.limits import limits_of
 from particell.materials import Fluid
 from particell.motion import Constraints, Forces, Monitor
 from particell.phases import Phase
@@ -43,7 +44,6 @@ from particell.speeds import (
     Scheme,
     check_given_step,
     default_sound_speed,
-    flow_limits,
     flow_speed,
     with_noise,
 )
@@ -200,13 +200,13 @@ class Simulation:
         By default that is the largest initial or expected one, or what the flow has reached since.
         """
         speed = self._speed if speed is None else speed
-        if self.static:
-            limits = self.chemistry.limits() if self.chemistry else {}
-            return min(limits.values(), default=1.0)
-        h = float(self.particles.host("support").min())
-        flow = flow_limits(h, self.given_materials, self.scheme, speed, self.domain.dim)
-        steps = [found.smallest for found in flow]
-        return min(*steps, self._diffusive_limit())
+        return min(limits_of(self, speed).values())
+
+    @property
+    def limited_by(self) -> str:
+        """What allows the smallest of the steps of :meth:`largest_step`: a rule, or a law."""
+        limits = limits_of(self, self._speed)
+        return min(limits, key=lambda name: limits[name])
 
     @property
     def given_materials(self) -> list[Fluid]:

@@ -139,6 +139,7 @@ def settings_of(simulation: Simulation) -> dict[str, Any]:
         "support": float(simulation.particles.host("support").max()),
         "skin": simulation.neighbours.skin,
         "dt": simulation.dt,
+        "largest_dt_by": simulation.limited_by,
         "chemistry_every": simulation.chemistry_every,
         "sound_speed": [m.sound_speed for m in simulation.materials],
         "depth": simulation.depth,

@@ -46,6 +46,7 @@ def description(simulation: Simulated) -> dict[str, str]:
         "domain": repr(s.domain),
         "materials": repr(s.materials),
         "scheme": scheme_text(s.scheme),
+        "forces": "" if s.static else "; ".join(f.described() for f in s.solver.flow.forces),
         "precision": str(s.device.real),
         "seed": repr(s.seed),
         "species": repr([*chemistry.species.values()] if chemistry else []),

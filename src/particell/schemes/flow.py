@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from particell.errors import InputError
 from particell.kernels import kernel_code, normalisation
 from particell.laws.continuity import DensityDiffusion, HeadOfRest
 from particell.laws.hydrostatics import AT_REST
+from particell.laws.law import Law
 from particell.laws.pressure import PressureForce
 from particell.laws.viscosity import Viscosity
 from particell.operations.kept_volume import KeptVolume
@@ -40,9 +42,13 @@ class Flow:
     ----------
     state, scheme
         What it acts on; its description.
+    forces
+        Laws of body forces.
 
     Attributes
     ----------
+    laws
+        Those that act besides the scheme's.
     properties
         The :class:`.Properties` by group.
     constants
@@ -56,8 +62,10 @@ class Flow:
         Whether friction takes velocities ahead (:meth:`lead`).
     """
 
-    def __init__(self, state: State, scheme: Any):
+    def __init__(self, state: State, scheme: Any, forces: Sequence[Law] = ()):
         self.state, self.scheme = state, scheme
+        self.forces = tuple(forces)
+        self.laws = (*scheme.more, *forces)
         dim, device, array = state.dim, state.device, state.device.array
         self.properties = properties = Properties(state, scheme)
         gravity = np.zeros(dim) if scheme.gravity is None else np.array(scheme.gravity, dtype=float)
@@ -136,7 +144,7 @@ class Flow:
             buoyancy=buoyancy,
             several=int(found.fluids.sum()) > 1,
             parted=found.parted,
-            more=tuple(scheme.more),
+            more=self.laws,
             fields=tuple(f.name for f in scheme.fields),
         )
 

@@ -1,0 +1,66 @@
+"""Limits of the time step by laws of the user's: :meth:`.Law.largest_step` of all particles."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from particell.compute.expressions import Vector
+from particell.errors import InputError, unknown_name
+from particell.laws.law import Law
+from particell.schemes.flow import Flow
+
+
+class Mobile:
+    """All mobile particles as laws see one: arrays of their fields, properties of their fluids."""
+
+    def __init__(self, flow: Flow):
+        state = flow.state
+        self._particles, self._tables = state.particles, flow.properties.tables
+        self._rows = state.particles.host("is_wall") == 0
+        self.dim, self.time = state.dim, float(state.time)
+        self.gravity = Vector.of("gravity", state.device.to_host(flow.constants["gravity"]))
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_"):
+            raise AttributeError(name)
+        if name == "specific_volume":
+            return 1.0 / self.density
+        if name == "volume":  # before the first step there is none
+            return self.mass / self.density
+        if name in self._tables:
+            return self._tables[name][self._particles.host("group")[self._rows]]
+        if name not in self._particles:
+            known = {*self._particles, *self._tables, "gravity", "specific_volume", "time"}
+            raise unknown_name("what a law reads", name, known)
+        values = np.asarray(self._particles.host(name)[self._rows], float)
+        return Vector.of(name, values.T) if values.ndim > 1 else values
+
+
+def law_limits(laws: Sequence[Law], particles: Any) -> dict[str, float]:
+    """The smallest of the steps in s that laws allow, by the names of their classes.
+
+    Raises
+    ------
+    InputError
+        Where a law's answer is no positive time.
+    """
+    found: dict[str, float] = {}
+    for law in laws:
+        name = type(law).__name__
+        try:
+            steps = np.asarray(law.largest_step(particles), float)
+            smallest = float(steps.min(initial=math.inf))
+        except (TypeError, ValueError, AttributeError) as error:
+            if isinstance(error, InputError):
+                raise
+            allowed = "arithmetic on what it is given, with where, sqrt, … of particell.laws"
+            raise InputError(f"{name}.largest_step", str(error), allowed) from error
+        if not smallest > 0.0:
+            raise InputError(f"{name}.largest_step", smallest, "a positive time in s")
+        if smallest < math.inf:
+            found[name] = min(smallest, found.get(name, math.inf))
+    return found

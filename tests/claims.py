@@ -179,6 +179,13 @@ CLAIMS: dict[str, list[Claim]] = {
     "WallMeasure": [
         Claim(_plain, {"wall_fraction": "", "wall_distance": "m", "wall_direction": ""})
     ],
+    "BodyForce": [
+        Claim(
+            lambda law: law(lambda *given: [x / (given[-1] * given[-1]) for x in given[:-1]]),
+            FORCE,
+            anywhere=False,
+        )
+    ],
     "Weight": [Claim(_plain, FORCE), Claim(lambda law: law(buoyancy=True), FORCE)],
     # docs/
     "Cohesion": [Claim(lambda law: law(1.5), FORCE, MOMENTUM, numbers={"strength": "N/m^6"})],

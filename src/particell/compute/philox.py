@@ -3,8 +3,8 @@
 A random number is a pure function of what it is for: the key is (seed, purpose), the counter is
 (particle or pair, step). Nothing is carried along, so numbers do not depend on threads or order.
 
-Words have 32 bits and are cut to that; what is put into one is held to it (:func:`check_word`) where
-it comes from: ids in :class:`~particell.particles.Particles`, steps of the species in
+Words have 32 bits and are cut to that; what is put into one is held to it (:func:`check_word`)
+where it comes from: ids in :class:`~particell.particles.Particles`, steps of the species in
 :class:`~particell.chemistry.engine.Chemistry`. The noise of the flow takes steps of 64 bits, in two
 words.
 """

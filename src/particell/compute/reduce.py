@@ -66,10 +66,10 @@ def accumulate(lane, values, lanes, bins):
             exponent = (word >> np.int64(52)) & np.int64(0x7FF)
             fraction = word & _FRACTION
             if exponent == 0x7FF:
-                kind = NOT_A_NUMBER
+                special = NOT_A_NUMBER
                 if fraction == 0:
-                    kind = INFINITE if word >= 0 else MINUS_INFINITE
-                bins[row, kind] += 1
+                    special = INFINITE if word >= 0 else MINUS_INFINITE
+                bins[row, special] += 1
                 continue
             if exponent == 0:
                 exponent = np.int64(1)  # a denormal number
@@ -77,14 +77,14 @@ def accumulate(lane, values, lanes, bins):
                 fraction |= _HIDDEN
             # the number is fraction 2^(exponent - 1075)
             place = exponent + np.int64(13)
-            b = place >> np.int64(5)
+            at = place >> np.int64(5)
             shift = place & np.int64(31)
             low = (fraction & _LOW) << shift
             high = (fraction >> _32) << shift
             sign = np.int64(1) if word >= 0 else np.int64(-1)
-            bins[row, b] += sign * (low & _LOW)
-            bins[row, b + 1] += sign * ((low >> _32) + (high & _LOW))
-            bins[row, b + 2] += sign * (high >> _32)
+            bins[row, at] += sign * (low & _LOW)
+            bins[row, at + 1] += sign * ((low >> _32) + (high & _LOW))
+            bins[row, at + 2] += sign * (high >> _32)
         carry(bins, row)
 
 

@@ -179,7 +179,8 @@ class Constraints:
         self._reflect = bind(reflect, {**fields, **table}, DIM=dim)
         self._reduction = Reduction(s.device)
         momentum = s.device.zeros((len(s.particles), 1), np.float64) if self.means else None
-        self._fluid_mass = float(s.particles.host("mass")[s.particles.host("is_wall") == 0].sum())
+        fluid_mass = np.where(s.particles.view("is_wall") == 0, s.particles.view("mass"), 0.0)
+        self._fluid_mass = float(self._reduction.sum(fluid_mass[:, None])[0])
         self._mean_loops = []
         for mean in self.means:
             own = {**fields, "momentum": momentum}

@@ -346,6 +346,7 @@ class Chemistry(Contents):
         step_index
             Number of the step (the random numbers of rounding molecules).
         """
+        check_word("step of species", step_index)
         self._bind()
         table, column = self._column(name)
         n = self.particles.n

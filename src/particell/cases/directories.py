@@ -19,8 +19,7 @@ from particell.output.run import CASE, Run
 def resume(
     directory: str | Path, progress: bool = True, kind: type[Case] | str | None = None
 ) -> int:
-    """Go on from the last checkpoint of a directory; returns as
-    :func:`~particell.cases.execution.execute`.
+    """Go on from the last checkpoint of a directory; gives the exit status.
 
     ``kind`` is the class of a case that is not built in, as for :func:`read_case`.
 

@@ -38,6 +38,7 @@ def state_of(simulation: Simulation) -> dict[str, Any]:
         "first_totals": dict(s._first_totals),
         "kept_volume": s.solver.kept_volume.state() if hasattr(s.solver, "kept_volume") else None,
         "rest": s.solver.rest.state() if hasattr(s.solver, "rest") else None,
+        "law_limit": s.solver.law_limit,
         "events": chemistry.events if chemistry else 0,
         "jumps": chemistry.jumps if chemistry else 0,
         "pace": chemistry.pace if chemistry else math.inf,
@@ -98,6 +99,7 @@ def restore(simulation: Simulation, state: dict[str, Any]) -> None:
         s.solver.kept_volume.put(state["kept_volume"])  # type: ignore[union-attr]
     if state.get("rest") is not None:
         s.solver.rest.restore(state["rest"])  # type: ignore[union-attr]
+    s.solver.law_limit = state.get("law_limit", math.inf)
     s.solver.restore()
     s.constraints.restored()
     s.resumed, s.resumed_plan = True, state.get("plan")

@@ -32,7 +32,7 @@ from particell.compute.philox import stream_key
 from particell.errors import InputError, RunError
 from particell.geometry.domain import Domain
 from particell.laws.buoyancy import Buoyancy
-from particell.limits import limits_of
+from particell.limits import law_limit, limits_of
 from particell.materials import Fluid
 from particell.motion import Constraints, Forces, Monitor
 from particell.phases import Phase
@@ -183,6 +183,7 @@ class Simulation:
         self.step, self.time = 0, 0.0
         self.chemistry_every = 1
         self.dt = self.largest_step() if self.automatic else float(dt)
+        self.solver.law_limit = law_limit(self)
         if not self.automatic:
             h = float(self.particles.host("support").min())
             check_given_step(self.dt, h, self.given_materials, scheme, dim)
@@ -237,6 +238,7 @@ class Simulation:
         if not (every > 0 and math.isfinite(every)):
             raise InputError("every", every, "positive")
         largest = self.largest_step() if self.automatic else self.dt
+        self.solver.law_limit = law_limit(self)
         check_number_of_steps(largest, every)
         if largest > self._diffusive_limit() * (1 + 1e-9):
             allowed = f"at most {self._diffusive_limit():.3g} s (diffusion of concentrations)"

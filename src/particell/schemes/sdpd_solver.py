@@ -46,6 +46,7 @@ if TYPE_CHECKING:
 
 #: Names that laws, loops and frames use for something else.
 TAKEN = {"time", "step", "inverse_dt", "half_step", "lead", "position", "velocity", "index", "dim"}
+TAKEN |= {"field_lead"}
 TAKEN |= {"record", "columns", "whole_columns", "specific_volume", "pressure_over_square", "side"}
 TAKEN |= {"v_ahead", "own_kernel", "names", "replace", "field", "transport", "flux", "buoyancy"}
 TAKEN |= {"count", "amount", "shift", "density_half", "wall_depth", "wall_normal"}
@@ -186,6 +187,7 @@ class SDPDSolver:
             if field.name in self.constants or field.name in neighbours.fields:
                 raise InputError("name of Field", field.name, "one that nothing else has")
         self.time = 0.0  # at which forces act, in s
+        self.law_limit = math.inf  # of the step, by laws of the user's, in s
         self.held = FREE
         if self.walls:
             self.held = TENSOR if self.radial else ISOTROPIC
@@ -249,7 +251,7 @@ class SDPDSolver:
                 self.dim,
                 {k: s[1] if len(s) > 1 else 0 for k, s in shapes.items()},
                 {k: isinstance(v, np.ndarray) for k, v in tables.items()},
-                numbers=frozenset({"time", "inverse_dt", "half_step", "lead"}),
+                numbers=frozenset({"time", "inverse_dt", "half_step", "lead", "field_lead"}),
                 vectors=frozenset({"gravity"}),
             ),
             kernel=kernel_code(scheme.kernel),
@@ -428,14 +430,14 @@ class SDPDSolver:
         """The papers' explicit two-stage rule; the same noise in both stages."""
         n = self.n
         self._renew_list(dt)
-        self.rates(step, dt)
+        self.rates(step, dt, 0.0)
         self.change_fields(0.5 * dt)
         self.remember(n)
         self.predict(n, dt)
         self.move_walls(1.0)
         self._thermodynamics(0.0)
         self.time += dt
-        self.rates(step, dt)
+        self.rates(step, dt, 1.0)
         self.change_fields(0.5 * dt)
         self.correct(n, dt)
         self.move_walls(1.0)
@@ -487,7 +489,7 @@ class SDPDSolver:
 
     def numbers(self, step: int, dt: float) -> dict[str, float]:
         """What forces depend on besides fields."""
-        lead = {"half_step": 0.5 * dt, "lead": self._lead(dt)}
+        lead = {"half_step": 0.5 * dt, "lead": self._lead(dt), "field_lead": self._field_lead(dt)}
         return {"step": step, "time": self.time, "inverse_dt": 1.0 / dt, **lead}
 
     def _lead(self, dt: float) -> float:
@@ -503,7 +505,11 @@ class SDPDSolver:
             return 1.0
         return min(1.0, max(0.0, EXPLICIT / (dt * self._stiffness) - 1.0))
 
-    def rates(self, step: int, dt: float) -> None:
+    def _field_lead(self, dt: float) -> float:
+        """How far ahead fields of the user's are taken, as :meth:`_lead`: by what laws allow."""
+        return min(1.0, max(0.0, EXPLICIT * self.law_limit / dt - 1.0))
+
+    def rates(self, step: int, dt: float, field_lead: float) -> None:
         """Density rate (unless it is summed) and acceleration in one sweep."""
         self._before_forces()
-        self._run["rates"](self.n, **self.numbers(step, dt))
+        self._run["rates"](self.n, **{**self.numbers(step, dt), "field_lead": field_lead})

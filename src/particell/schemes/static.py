@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from particell.checks import checked
@@ -56,7 +57,7 @@ class StaticSolver:
 
     def __init__(self, particles: Particles, neighbours: NeighbourList):
         self.particles, self.neighbours = particles, neighbours
-        self.time = 0.0  # nothing depends on it
+        self.time, self.law_limit = 0.0, math.inf  # nothing depends on them
 
     def initialise(self, step: int, dt: float) -> None:
         """Build the neighbour list."""

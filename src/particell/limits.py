@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from particell.simulation import Simulation
 
 #: A difference to a wall's value, extrapolated through its surface, raises the largest rate: to 3.2
-#: times that of a lattice where a particle sits in a corner in three dimensions, with Lucy's kernel.
+#: times that of a lattice where a particle sits in a corner in three dimensions (Lucy's kernel).
 BESIDE_WALLS = 2.5
 #: The limits of the flow's rules (:mod:`particell.schemes.timestep`).
 RULES = ("sound", "viscosity", "acceleration")
@@ -36,14 +36,20 @@ def limits_of(simulation: Simulation, speed: float) -> dict[str, float]:
     diffusion = "diffusion of concentrations"  # which is explicit
     if diffusion in carried:
         found[diffusion] = carried[diffusion]
-    return found | law_limits(s.scheme.more, Mobile(s))
+    return found | law_limits(laws_of(s), Mobile(s))
+
+
+def laws_of(simulation: Simulation) -> Sequence[Law]:
+    """The laws of the user's; particles at rest have none."""
+    return getattr(simulation.scheme, "more", ())
 
 
 def law_limit(simulation: Simulation) -> float:
     """The smallest step in s that laws of the user's allow."""
-    if simulation.static:
-        return math.inf
-    return min(law_limits(simulation.scheme.more, Mobile(simulation)).values(), default=math.inf)
+    laws = laws_of(simulation)
+    return (
+        min(law_limits(laws, Mobile(simulation)).values(), default=math.inf) if laws else math.inf
+    )
 
 
 class Mobile:

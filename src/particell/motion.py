@@ -16,6 +16,7 @@ from particell.errors import InputError, RunError, unknown_name
 from particell.geometry.shapes import Ball
 from particell.laws.buoyancy import Buoyancy, measure_buoyancy
 from particell.materials import AVOGADRO
+from particell.suspects import suspects
 
 if TYPE_CHECKING:
     from particell.simulation import Simulation
@@ -344,6 +345,7 @@ class Monitor:
     def _fail(self, message: str, field: str, row: int) -> None:
         s = self.simulation
         particle = int(s.particles.view("id")[row])
+        message += suspects(s, field)
         raise RunError(message, step=s.step, time=s.time, field=field, particle=particle)
 
     def _masses(self) -> np.ndarray:

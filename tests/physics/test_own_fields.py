@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -83,7 +85,8 @@ def order(errors):
 @pytest.mark.parametrize("name", SMOOTH)
 def test_fields_are_of_second_order_in_the_step(name):
     """An exact decay, and a temperature that conducts among particles that are stirred."""
-    box, unit = pc.Domain((0, 0), (8, 8), periodic="xy", depth=1.0), pc.Fluid(1.0, 1.0, 10.0)
+    box = pc.Domain((0, 0), (8, 8), periodic="xy", depth=1.0)
+    unit = pc.Fluid(density=1.0, viscosity=1.0, sound_speed=10.0)
     wave = 2 * np.pi / 8
 
     def stirred(law, dt):
@@ -103,8 +106,8 @@ def test_fields_are_of_second_order_in_the_step(name):
     errors = [np.abs(stirred(Decay(), dt) - exact).max() for dt in (0.04, 0.02, 0.01)]
     assert errors[0] < 1e-3 and order(errors) == pytest.approx(2.0, abs=0.1)
     found = [stirred(Conduction(KAPPA), dt) for dt in (0.04, 0.02, 0.01, 0.005)]
-    changes = [np.linalg.norm(a - b) for a, b in zip(found, found[1:], strict=False)]
-    assert order(changes) == pytest.approx(2.0, abs=0.2)
+    changes = [np.linalg.norm(a - b) for a, b in itertools.pairwise(found)]
+    assert order(changes).min() > 1.8 and order(changes)[-1] < 2.2
 
 
 def test_between_walls_the_profile_is_linear():

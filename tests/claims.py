@@ -198,6 +198,17 @@ CLAIMS: dict[str, list[Claim]] = {
             dims=(2,),
         )
     ],
+    "Rolls": [
+        Claim(
+            lambda law: law(0.3, 5.0),
+            FORCE,
+            anywhere=False,
+            numbers={"amplitude": "m/s^2", "length": "m"},
+            dims=(2,),
+        )
+    ],
+    "Tabulated": [Claim(lambda law: law(1.5), FORCE, MOMENTUM, numbers={"strength": "N"})],
+    "Spring": [Claim(lambda law: law(1.5), FORCE, MOMENTUM, numbers={"stiffness": "N/m^7"})],
     "Conduction": [
         Claim(
             lambda law: law(1.5),

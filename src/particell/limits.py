@@ -12,13 +12,26 @@ from particell.compute.expressions import Vector
 from particell.errors import InputError, unknown_name
 from particell.laws.law import Law
 from particell.schemes.flow import Flow
+from particell.schemes.friction_limit import lattice_eigenvalue
+
+#: A difference to a wall's value, extrapolated through its surface, raises the largest rate: to 3.2
+#: times that of a lattice where a particle sits in a corner in three dimensions (Lucy's kernel).
+BESIDE_WALLS = 2.5
 
 
 class Mobile:
-    """All mobile particles as laws see one: arrays of their fields, properties of their fluids."""
+    r"""All mobile particles as laws see one: arrays of their fields, properties of their fluids.
+
+    Besides there is ``laplacian``, the largest rate at which :math:`\sum_j 2 V_j F (f_j - f_i)`
+    decays on a lattice (:mod:`particell.schemes.friction_limit`), in 1/m²; beside walls what keeps
+    their surfaces' values stable.
+    """
 
     def __init__(self, flow: Flow):
-        state = flow.state
+        state, scheme = flow.state, flow.scheme
+        how = (scheme.kernel, scheme.support, state.dim)
+        walls = BESIDE_WALLS if flow.walls else 1.0
+        self._laplacian = walls * lattice_eigenvalue(*how, 2.0, 0.0, False)
         self._particles, self._tables = state.particles, flow.properties.tables
         self._rows = state.particles.host("is_wall") == 0
         self.dim, self.time = state.dim, float(state.time)
@@ -27,6 +40,8 @@ class Mobile:
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_"):
             raise AttributeError(name)
+        if name == "laplacian":
+            return self._laplacian / self.support**2
         if name == "specific_volume":
             return 1.0 / self.density
         if name == "volume":  # before the first step there is none
@@ -34,7 +49,7 @@ class Mobile:
         if name in self._tables:
             return self._tables[name][self._particles.host("group")[self._rows]]
         if name not in self._particles:
-            known = {*self._particles, *self._tables, "gravity", "specific_volume", "time"}
+            known = {*self._particles, *self._tables, "gravity", "laplacian", "time"}
             raise unknown_name("what a law reads", name, known)
         values = np.asarray(self._particles.host(name)[self._rows], float)
         return Vector.of(name, values.T) if values.ndim > 1 else values

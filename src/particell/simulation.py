@@ -172,7 +172,7 @@ class Simulation:
         acting = operations_of(*parts, boundaries, carried, operations, observables or {})
         self.operations = Operations(self.system, acting)
         self.solver = Solver(self.system, scheme, flow, self.operations)
-        self.monitor = Monitor(self.system, self.static)
+        self.monitor = Monitor(self.system, flow)
         self.watch = health.Watch(self)
         self.timing = TimeStep(self.system, scheme, flow, self.chemistry, speed, dt)
         self.books = any(getattr(b, "values", getattr(b, "species", None)) for b in boundaries)

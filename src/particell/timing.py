@@ -60,6 +60,7 @@ class TimeStep:
             pairs = zip(given, groups, strict=True)
             self.materials = [m for m, g in pairs if g.kind == "fluid"] or given
         self._support = float(state.particles.host("support").min())
+        self._take_law_limit()
         state.clock.dt = self.largest() if isinstance(dt, str) else float(dt)
         if not self.automatic:
             check_given_step(state.dt, self._support, self.materials, scheme, state.dim)
@@ -79,7 +80,18 @@ class TimeStep:
         diffusion = "diffusion of concentrations"  # which is explicit
         if diffusion in carried:
             found[diffusion] = carried[diffusion]
-        return found | law_limits(self.flow.laws, Mobile(self.flow))
+        return found | self._of_laws()
+
+    def _of_laws(self) -> dict[str, float]:
+        """What laws of the user's allow, by their names."""
+        if self.flow is None or not self.flow.laws:
+            return {}
+        return law_limits(self.flow.laws, Mobile(self.flow))
+
+    def _take_law_limit(self) -> None:
+        """Let the flow know what laws of the user's allow: it decides how far fields lead."""
+        if self.flow is not None:
+            self.flow.law_limit = min(self._of_laws().values(), default=math.inf)
 
     def largest(self, speed: float | None = None) -> float:
         """The largest time step in s that the rules allow for a speed in m/s; by default ours."""
@@ -102,6 +114,7 @@ class TimeStep:
         if not (every > 0 and math.isfinite(every)):
             raise InputError("every", every, "positive")
         largest = self.largest() if self.automatic else clock.dt
+        self._take_law_limit()
         check_number_of_steps(largest, every)
         if largest > self._diffusive() * (1 + 1e-9):
             allowed = f"at most {self._diffusive():.3g} s (diffusion of concentrations)"
@@ -156,8 +169,11 @@ class TimeStep:
 
     def saved(self) -> dict[str, Any]:
         """What :meth:`restore` puts back."""
-        return {"speed": self.speed}
+        limit = self.flow.law_limit if self.flow else math.inf
+        return {"speed": self.speed, "law_limit": limit}
 
     def restore(self, saved: dict[str, Any]) -> None:
         """Go on for the speed that another run has reached."""
         self.speed = saved["speed"]
+        if self.flow is not None:
+            self.flow.law_limit = saved["law_limit"]

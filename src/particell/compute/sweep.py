@@ -20,7 +20,10 @@ from particell.compute.generated import load
 from particell.compute.plan import Pass, Plan, Result, sum_symbols
 from particell.errors import InputError, unknown_name
 from particell.laws.law import Law, Values
-from particell.sources.source import Names, Side, Source
+from particell.sources.source import Names, Pair, Side, Source
+
+#: What laws add.
+_KINDS = (int, float, np.number, Node, Vector, Symmetric)
 
 
 @dataclass(frozen=True)
@@ -220,14 +223,23 @@ class Sweep:
 
 def _asked(law: Law, method: str, *given: Any) -> Mapping[str, Any]:
     """What a law answers, or one line that names it."""
+    where = f"{type(law).__name__}.{method}"
     try:
         found = getattr(law, method)(*given)
+    except InputError as error:  # a name that there is not
+        raise InputError(f"{where}: {error.key}", error.value, error.allowed) from error
     except (TypeError, ValueError, AttributeError, IndexError) as error:
+        if isinstance(error, AttributeError) and isinstance(error.obj, Pair):
+            known = [name for name in dir(error.obj) if not name.startswith("_")]
+            raise unknown_name(f"{where}: what is read of ij", str(error.name), known) from error
         allowed = "arithmetic on what it is given, with where, sqrt, cos, … of particell.laws"
-        raise InputError(f"{type(law).__name__}.{method}", str(error), allowed) from error
-    if not isinstance(found, Mapping):
-        allowed = "a dict of what is added, by name"
-        raise InputError(f"{type(law).__name__}.{method}", found, allowed)
+        raise InputError(where, str(error), allowed) from error
+    if not isinstance(found, Mapping) or not all(isinstance(name, str) for name in found):
+        raise InputError(where, found, "a dict of what is added, by name")
+    for name, value in found.items():
+        if not isinstance(value, _KINDS) or isinstance(value, bool):
+            adds = f"what {type(law).__name__} adds to {name}"
+            raise InputError(adds, value, "a number, a vector or a symmetric tensor")
     return found
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -27,7 +28,17 @@ from particell.sources.source import Names
 from particell.state import State
 
 #: Names that laws, loops and frames use for something else, also where there is no such thing.
-RESERVED = {"time", "step", "inverse_dt", "half_step", "lead", "position", "velocity", "index"}
+RESERVED = {
+    "time",
+    "field_lead",
+    "step",
+    "inverse_dt",
+    "half_step",
+    "lead",
+    "position",
+    "velocity",
+    "index",
+}
 RESERVED |= {"dim", "side", "names", "replace", "field", "record", "columns", "whole_columns"}
 RESERVED |= {"specific_volume", "pressure_over_square", "v_ahead", "own_kernel", "transport"}
 RESERVED |= {"flux", "buoyancy", "count", "amount", "shift", "shift_before", "density_half"}
@@ -60,6 +71,8 @@ class Flow:
         (:mod:`particell.boundaries.wall_friction`).
     leads
         Whether friction takes velocities ahead (:meth:`lead`).
+    law_limit
+        Of the step, by laws of the user's, in s.
     """
 
     def __init__(self, state: State, scheme: Any, forces: Sequence[Law] = ()):
@@ -77,6 +90,7 @@ class Flow:
         self.held = FREE
         if self.walls:
             self.held = TENSOR if properties.radial else ISOTROPIC
+        self.law_limit = math.inf
         self.leads = not (scheme.fluctuations or scheme.integrator == "trapezoidal")
         code, key = kernel_code(scheme.kernel), stream_key(state.seed, PAIR_NOISE)
         self.constants: dict[str, Any] = {
@@ -123,7 +137,7 @@ class Flow:
                 self.state.dim,
                 {name: field.components for name, field in p.declared.items()},
                 {k: isinstance(v, np.ndarray) for k, v in tables.items()},
-                numbers=frozenset({"time", "inverse_dt", "half_step", "lead"}),
+                numbers=frozenset({"time", "inverse_dt", "half_step", "lead", "field_lead"}),
                 vectors=frozenset({"gravity"}),
             ),
             kernel=kernel_code(scheme.kernel),
@@ -162,6 +176,10 @@ class Flow:
             return 1.0
         return min(1.0, max(0.0, EXPLICIT / (dt * stiffness) - 1.0))
 
+    def field_lead(self, dt: float) -> float:
+        """How far ahead fields of the user's are taken, as :meth:`lead`: by what laws allow."""
+        return min(1.0, max(0.0, EXPLICIT * self.law_limit / dt - 1.0))
+
     def numbers(self, step: int) -> dict[str, float]:
         """What sums depend on besides fields; ``step`` is the number that noise has."""
         clock = self.state.clock
@@ -171,6 +189,7 @@ class Flow:
             "inverse_dt": 1.0 / clock.dt,
             "half_step": 0.5 * clock.dt,
             "lead": self.lead(clock.dt),
+            "field_lead": self.field_lead(clock.dt),
         }
 
     def check_names(self) -> None:

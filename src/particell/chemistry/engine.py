@@ -165,7 +165,7 @@ class Chemistry(Contents):
         self._keys = {p: tuple(stream_key(seed, p)) for p in purposes}
         self._switching = [int(s) for s in self.stochastic.switching]
         self._switch = {"SWITCH": bool(self._switching)}
-        self._pair = {"DIM": dim, "SURFACE": surface, "FLUX": flux, **self._switch}
+        self._pair = {"DIM": dim, "KERNEL": code, "SURFACE": surface, "FLUX": flux, **self._switch}
         strang = splitting == "strang"
         self._fields = scratch_fields(
             device, particles, self.deterministic, self.stochastic, surface, flux, strang

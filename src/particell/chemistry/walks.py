@@ -88,11 +88,17 @@ class Walks:
     def _bind(self) -> None:
         bind, f = self.device.bind, self._fields
         switch = {"SWITCH": self._constants["SWITCH"]}
-        self.rates = bind(jump_rates, {**f, "s": self.columns[0]}, **self._constants)
+        self.rates = self._bound_rates()
         self.moves = [bind(jumps.move, {**f, "further": t.array}, **switch) for t in self._tables]
         self.enter = bind(jumps.enter, f)
         self.collect = bind(jumps.collect, f)
         self.settle = bind(jumps.settle, f, **switch)
+
+    def _bound_rates(self) -> Any:
+        c = self._constants
+        groups, walls = len(self._fields["status"]), c["SURFACE"] or c["FLUX"]
+        sweep = jump_rates(c["DIM"], c["KERNEL"], groups, walls, c["SWITCH"])
+        return sweep.bind(self.device, {**self._fields, "s": self.columns[0]}, {})
 
     def renew(self, n: int, step: int, time: float) -> None:
         """The jump rates of n particles where they are now; step and time (s) are for messages.

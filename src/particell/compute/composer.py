@@ -80,11 +80,13 @@ class _Generator:
         self.arguments: dict[str, None] = {}
         self.renamed: dict[str, str] = {}  # names of fields, by those of arguments
         self.columns = self.whole_columns = 0
+        #: whether anything is read of neighbours' records
+        self._packed = self.values.placed or bool(self.values.record)
 
     def write(self) -> Generated:
         width = next(w for w in WIDTHS if w >= self.plan.dim + len(self.values.record))
         loop = self._loop(self.values.roots, width)
-        pack = self._pack(width)
+        pack = self._pack(width) if self._packed else []
         imports = sorted(
             f"from {f.__module__} import {name}"
             for name, f in ((n, getattr(g, "py_func", g)) for n, g in self.functions.items())
@@ -123,9 +125,14 @@ class _Generator:
             return side
         if kind == "stored":
             return f"{self._argument(name)}[k]"
-        if kind == "table":
-            return f"{self._argument(name)}[{self._argument('group')}[{side}]]"
         place = [side] if kind == "field" else []
+        if kind == "table":
+            place = [f"{self._argument('group')}[{side}]"]
+        if kind == "groups":
+            group = self._argument("group") if side else ""
+            place = [f"{group}[i]", f"{group}[j]"] if side else ["0", "0"]
+        if isinstance(component, str):
+            component = self._argument(component)
         place += [] if component is None else [str(component)]
         return self._argument(name) + (f"[{', '.join(place)}]" if place else "")
 
@@ -164,7 +171,9 @@ class _Generator:
         writer = self._writer("own")
         mirrored = [self.values.mirror(number) for number in self.values.record]
         lines = [f"at = i * {width}"]
-        lines += [f"record[at + {d}] = {self._argument('x')}[i, {d}]" for d in range(self.plan.dim)]
+        if self.values.placed:
+            x = self._argument("x")
+            lines += [f"record[at + {d}] = {x}[i, {d}]" for d in range(self.plan.dim)]
         lines += self._write(writer, mirrored)
         for number, place in zip(mirrored, self.values.record.values(), strict=True):
             lines.append(f"record[at + {place}] = {writer.names[number]}")
@@ -180,9 +189,12 @@ class _Generator:
         parts = [self.values.split(found) for found in roots]
         once = [number for _, needed in parts for number in needed]
         head = self._skipped()
-        head += [f"own = np.uint64(i) * np.uint64({width})", *self._own_place()]
-        head += [f"wraps = {self._argument('crosses')}[i] != 0"]
-        head += [f"reach2 = {self._argument('support')}[i] * support[i]"]
+        if self._packed:
+            head += [f"own = np.uint64(i) * np.uint64({width})", *self._own_place()]
+        at = len(head)
+        if self.values.placed:
+            head += [f"wraps = {self._argument('crosses')}[i] != 0"]
+            head += [f"reach2 = {self._argument('support')}[i] * support[i]"]
         head += self._write(own, once, named=True)
         head += [f"{name} = 0.0" for name in self._accumulators()]
         body: list[str] = []
@@ -190,14 +202,16 @@ class _Generator:
             body += self._pass(p, found, columns, own, width)
         lines = [*head, *body, *self._finish(own)]
         read = set(re.findall(r"\bown_\d+\b", "\n".join(lines)))
-        at = lines.index(f"x{plan.dim - 1} = record[own + np.uint64({plan.dim - 1})]") + 1
         places = [k for k in self.values.record.values() if f"own_{k}" in read]
         lines[at:at] = [f"own_{k} = record[own + np.uint64({k})]" for k in places]
-        return self._definition(plan.name, lines, self.form == "gather")
+        vectorise = self.form == "gather" and not all(p.weighed for p in plan.passes)
+        return self._definition(plan.name, lines, vectorise)
 
     def _own_place(self) -> list[str]:
         """Where particle i is, from its own record: rounded as its neighbours see it."""
         self._argument("record")
+        if not self.values.placed:
+            return []
         return [f"x{d} = record[own + np.uint64({d})]" for d in range(self.plan.dim)]
 
     def _accumulators(self) -> list[str]:
@@ -220,6 +234,8 @@ class _Generator:
     def _places(self, name: str) -> list[str]:
         result = self.plan.results[name]
         self._argument(name)
+        if result.column:
+            return [f"{name}[i, {self._argument(result.column)}]"]
         if not result.rows:
             return [f"{name}[i]"]
         return [f"{name}[i, {d}]" for d in range(len(result.values))]
@@ -244,18 +260,24 @@ class _Generator:
     ) -> list[str]:
         gather = self._writer("near", own.names)
         reads = self._neighbour(p, roots, columns, gather, width)
-        batches = self.form == "gather"
+        batches = self.form == "gather" and not p.weighed
         pairs = self._writer("t", own.names)
         loads = self._columns(columns, gather, pairs) if batches else []
         if not batches:
             pairs.names.update(gather.names)
-        acts = self._act(p, roots, pairs, "begin + q" if batches else "k")
+        acts = self._act(p, roots, pairs)
+        keeps = self._keep(p, roots, pairs, "begin + q" if batches else "k")
         begin, last = f"{self._argument(p.first)}[i]", f"{self._argument(p.last)}[i]"
         if p.itself:  # after the others
             last += " + 1"
         if not batches:
-            inside = acts if p.stored else ["if r2 < reach2:", *_indented(acts)]
-            loop = [f"for k in range({begin}, {last}):", *_indented([*reads, *inside])]
+            inside = [*reads, *acts]
+            if p.weighed and any(map(self.values.is_early, columns)):  # dear ones
+                test = f"if {self._argument(p.weighed)}[k] != 0.0:"
+                inside = [test, *_indented(inside)]
+            elif not (p.stored or p.weighed):
+                inside = [*reads, "if r2 < reach2:", *_indented(acts)]
+            loop = [f"for k in range({begin}, {last}):", *_indented([*inside, *keeps])]
             return self._where(roots, own, loop)
         stores, fills = self._stores(columns, gather), self._fills(p, roots, columns)
         keep = "c += np.uint64(1)" if p.stored else "c += np.uint64(r2 < reach2)"
@@ -278,7 +300,7 @@ class _Generator:
             *_indented([*reads, *stores, keep], 2),
             *_indented(fills, 1),
             f"    for q in range(np.uint64(0), {every}):",
-            *_indented([*loads, *acts], 2),
+            *_indented([*loads, *acts, *keeps], 2),
             "    begin = end",
         ]
         return self._where(roots, own, lines)
@@ -302,27 +324,36 @@ class _Generator:
         row = f"{self._argument('neighbours')}[k]"
         if p.itself:
             row = f"np.uint64({row}) if k < {self._argument(p.last)}[i] else np.uint64(i)"
-        lines = [f"j = {row}", f"other = np.uint64(j) * np.uint64({width})"]
+        lines = [f"j = {row}"]
+        if self._packed:
+            lines.append(f"other = np.uint64(j) * np.uint64({width})")
+        for number, place in self.values.record.items():
+            gather.names[number] = f"record[other + np.uint64({place})]"
+        if not p.weighed or self.values.needs_places(roots):
+            lines += self._offset(p, roots, gather)
+        early = [n for n in columns if self.values.is_early(n)]
+        lines += self._write(gather, early)
+        if p.support is not None and not p.weighed:
+            (number,) = roots["support"]
+            lines += self._write(gather, [number])
+            lines.append(f"reach2 = {gather.names[number]} * {gather.names[number]}")
+        return lines
+
+    def _offset(self, p: Pass, roots: dict[str, tuple[Any, ...]], gather: Writer) -> list[str]:
+        """x_i − x_j of the nearest images, or as j is seen, and its square."""
+        lines = []
         period, inverse = self._argument("period"), self._argument("inverse_period")
         for d in range(self.plan.dim):
             lines.append(f"dx{d} = x{d} - record[other + np.uint64({d})]")
         lines.append("if wraps:")
         for d in range(self.plan.dim):
             lines.append(f"    dx{d} -= {period}[{d}] * nearest_whole(dx{d} * {inverse}[{d}])")
-        for number, place in self.values.record.items():
-            gather.names[number] = f"record[other + np.uint64({place})]"
         if p.offset:
             lines += self._write(gather, list(roots["offset"]), named=True)
             seen = [gather.names[number] for number in roots["offset"]]
             lines += [f"dx{d} = {name}" for d, name in enumerate(seen)]
         square = " + ".join(f"dx{d} * dx{d}" for d in range(self.plan.dim))
         lines.append(f"r2 = {square}")
-        early = [n for n in columns if self.values.is_early(n)]
-        lines += self._write(gather, early)
-        if p.support is not None:
-            (number,) = roots["support"]
-            lines += self._write(gather, [number])
-            lines.append(f"reach2 = {gather.names[number]} * {gather.names[number]}")
         return lines
 
     def _column(self, columns: list[int], number: int) -> str:
@@ -375,9 +406,7 @@ class _Generator:
             lines.append(f"{name} = {self._column(columns, number)} + q]")
         return lines
 
-    def _act(
-        self, p: Pass, roots: dict[str, tuple[Any, ...]], pairs: Writer, place: str
-    ) -> list[str]:
+    def _act(self, p: Pass, roots: dict[str, tuple[Any, ...]], pairs: Writer) -> list[str]:
         """Evaluate the laws of a pair and add to the sums."""
         wanted = [
             n
@@ -393,6 +422,15 @@ class _Generator:
                     lines.append(f"{target} += {pairs.names[number]}")
                 elif number:
                     lines.append(f"{target} += {number!r}")
+        return lines
+
+    def _keep(
+        self, p: Pass, roots: dict[str, tuple[Any, ...]], pairs: Writer, place: str
+    ) -> list[str]:
+        """Write what is kept of a pair."""
+        lines = []
+        for name, total in p.running.items():
+            lines.append(f"{self._argument(name)}[{place}] = {sum_names(total, 1)[0]}")
         for name in p.stored:
             (number,) = roots[f"stored {name}"]
             lines.append(f"{self._argument(name)}[{place}] = {pairs.names[number]}")

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -50,6 +50,10 @@ class Sweep:
         Fields that are zero for the others.
     stored
         Values of pairs that are kept, by the law's name for them: arrays along the list.
+    running
+        Sums that are kept pair by pair as they grow, by the name of an array along the list.
+    exact
+        Whether records are in double precision on any device.
     addable
         Fields that laws may add to; all where it is left out.
     """
@@ -63,6 +67,8 @@ class Sweep:
     targets: str = "mobile"
     zeroed: tuple[str, ...] = ()
     stored: tuple[str, ...] = ()
+    running: Mapping[str, str] = field(default_factory=dict)
+    exact: bool = False
     addable: tuple[str, ...] | None = None
 
     def numbers(self) -> dict[str, float]:
@@ -88,6 +94,11 @@ class Sweep:
                     object.__setattr__(shown, name, known)
             found.append(shown)
         return found
+
+    def _running(self) -> dict[str, str]:
+        """What is kept as it grows, by the sums' full names."""
+        own = {s: f"{_name(law, k)}.{s}" for k, law in enumerate(self.laws) for s in law.own}
+        return {array: own.get(total, total) for array, total in self.running.items()}
 
     def plan(self) -> Plan:
         """What the loop is generated from.
@@ -122,6 +133,8 @@ class Sweep:
                     offset=() if ij.offset is None else ij.offset.parts(dim),
                     itself=ij.itself,
                     only=ij.only,
+                    weighed=ij.weighed,
+                    running=self._running(),
                 )
             )
             if ij.itself and stored:
@@ -152,13 +165,23 @@ class Sweep:
         for name, value in totals.items():
             if name not in known:
                 raise unknown_name("what a law adds (to fields, or to its own sums)", name, known)
-            if len(components(value, dim)) != max(1, self.names.fields[name]):
+            if len(components(value, dim)) != max(1, self._width(name)):
                 wrong = f"{len(components(value, dim))} components"
                 raise InputError(f"what a law adds to {name}", wrong, "a number, or a vector")
         return {
-            name: Result(components(value, dim), self.names.fields[name] > 0)
+            name: Result(components(value, dim), self._width(name) > 0, self._column(name))
             for name, value in totals.items()
         }
+
+    def _width(self, name: str) -> int:
+        """Components of a field, 0 of a number."""
+        width = self.names.fields[name]
+        return width if isinstance(width, int) else 0
+
+    def _column(self, name: str) -> str:
+        """The number of the column that is written, nothing for whole fields."""
+        width = self.names.fields[name]
+        return width if isinstance(width, str) else ""
 
     def reads_of_neighbours(self) -> tuple[str, ...]:
         """Fields that must be there of all neighbours, those of other ranks too."""
@@ -204,7 +227,7 @@ class Sweep:
         form = form or ("gather" if device.backend == "cpu" else "cuda")
         made = self.source(form)
         module = load(self.name, made.text, made.functions)
-        n = len(fields["x"])
+        n = len(fields["start"])
         width = BATCH * batch_rows(device, n)
         sizes = {
             "record": n * made.record,
@@ -213,12 +236,15 @@ class Sweep:
         }
         for name, size in sizes.items():
             if name not in scratch or len(scratch[name]) < size:
-                kind = np.int64 if name == "whole_columns" else device.real
+                kind: Any = np.float64 if self.exact else device.real
+                if name == "whole_columns":
+                    kind = np.int64
                 scratch[name] = device.zeros(max(1, size), kind)
         arrays = {**fields, **scratch}
         arrays |= {argument: fields[name] for argument, name in made.renamed.items()}
-        loop, pack = getattr(module, self.name), getattr(module, f"pack_{self.name}")
-        return _Bound(self, device, (pack, loop), arrays)
+        names = (f"pack_{self.name}", self.name)
+        loops = [getattr(module, name) for name in names if hasattr(module, name)]
+        return _Bound(self, device, loops, arrays)
 
 
 def _asked(law: Law, method: str, *given: Any) -> Mapping[str, Any]:

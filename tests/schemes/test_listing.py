@@ -29,7 +29,7 @@ def test_equations_of_cases(capsys, case):
 def test_what_is_read_and_written(capsys):
     assert call(["laws", "couette", "--exchange"]) == 0
     text = capsys.readouterr().out
-    filtered = text[text.index("filtered_density: ") : text.index("wall_pressure: ")]
+    filtered = text[text.index("filtered_density: ") : text.index("forces: ")]
     assert "\n  of neighbours: mass, volume, x\n" in filtered
     assert "\n  of the particle: is_wall, mass, support, volume, x\n" in filtered
     assert "\n  written: density_half\n" in filtered

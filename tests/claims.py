@@ -194,7 +194,7 @@ CLAIMS: dict[str, list[Claim]] = {
         Claim(
             lambda law: law(0.3, 0.7),
             FORCE,
-            numbers={"amplitude": "m/s^2", "frequency": "1/s"},
+            numbers={"amplitude": "N/m^3", "frequency": "1/s"},
             dims=(2,),
         )
     ],

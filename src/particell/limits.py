@@ -65,17 +65,16 @@ class Mobile:
         self._particles, self._tables = simulation.particles, solver.tables
         self._rows = simulation.particles.host("is_wall") == 0
         self.dim, self.time = simulation.domain.dim, float(solver.time)
-        scheme: Any = simulation.scheme
-        how = (scheme.kernel, scheme.support, self.dim)
-        walls = BESIDE_WALLS if solver.walls else 1.0
-        self._laplacian = walls * lattice_eigenvalue(*how, 2.0, 0.0, False)
+        self._kernel = simulation.scheme.kernel, simulation.scheme.support
+        self._beside = BESIDE_WALLS if solver.walls else 1.0
         self.gravity = Vector.of("gravity", simulation.device.to_host(solver.constants["gravity"]))
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_"):
             raise AttributeError(name)
         if name == "laplacian":
-            return self._laplacian / self.support**2
+            largest = lattice_eigenvalue(*self._kernel, self.dim, 2.0, 0.0, False)
+            return self._beside * largest / self.support**2
         if name == "specific_volume":
             return 1.0 / self.density
         if name == "volume":  # before the first step there is none

@@ -6,12 +6,14 @@ that is scaled back each time it leaves the mode that grows fastest: the largest
 
 from __future__ import annotations
 
+import copy
+
 import numpy as np
 import pytest
 
 import particell as pc
 from particell.geometry.fill import lattice
-from systems import forces, unit_fluid
+from systems import forces, same_bits, unit_fluid
 
 KAPPA = 200.0
 #: Of which the second half is looked at.
@@ -135,6 +137,36 @@ def test_and_not_much_too_small(name):
     """On a lattice four times the step is unstable."""
     simulation = LATTICES[name]()
     assert growth(simulation, 4 * simulation.dt, STATE) > UNSTABLE
+
+
+class Slower(Conduction):
+    """A limit that depends on the field."""
+
+    def largest_step(self, i):
+        return super().largest_step(i) / (1.0 + i.temperature)
+
+
+def test_a_resumed_run_has_the_same_bits():
+    """The step, and how far fields are taken ahead, are those chosen for what the field was."""
+    heat = {"more": [Slower(20.0)], "fields": [pc.Field("temperature")]}
+
+    def warm():
+        simulation = periodic(jitter=0.3, **heat)
+        simulation.particles.set("temperature", simulation.particles.host("x")[:, 0])
+        return simulation
+
+    whole = warm()
+    first = whole.dt
+    whole.plan(0.5)
+    assert whole.dt < 0.2 * first
+    whole.advance(5)
+    state = copy.deepcopy(whole.state())
+    whole.advance(5)
+    resumed = warm()
+    resumed.restore(state)
+    resumed.advance(5)
+    assert same_bits(whole, resumed) == []
+    assert resumed.solver.law_limit == whole.solver.law_limit
 
 
 HEATED = {

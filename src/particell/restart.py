@@ -47,6 +47,7 @@ def description(simulation: Simulated) -> dict[str, str]:
         "materials": repr(s.materials),
         "scheme": scheme_text(s.scheme),
         "precision": str(s.device.real),
+        "forms": repr(s.solver.forms()),
         "seed": repr(s.seed),
         "species": repr([*chemistry.species.values()] if chemistry else []),
         "rates": repr([[t.rate.tolist(), t.value.tolist()] for t in chemistry.tables])

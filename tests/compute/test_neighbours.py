@@ -30,7 +30,7 @@ def system(x, lengths, periodic, support, walls=None, general=True):
     lower = np.where(wall_free, domain.lower, np.minimum(domain.lower, x.min(axis=0)))
     upper = np.where(wall_free, domain.upper, np.maximum(domain.upper, x.max(axis=0)))
     neighbours = NeighbourList(
-        device, domain, n, h, SKIN * h, lower, upper, uniform=not general, walls=general
+        device, domain, particles, h, SKIN * h, lower, upper, uniform=not general, walls=general
     )
     neighbours.build(particles)
     return particles, neighbours, domain

@@ -11,6 +11,9 @@ the order of particles in memory: neither where they were before nor the capacit
 a row has the same bits whatever happened before, and a checkpoint holds the positions, not the
 list.
 
+What is read of a list is asked for (:meth:`NeighbourList.want`): these rows, or the lists of
+clusters (:mod:`particell.compute.clusters`). The other is neither made nor held.
+
 The list stays valid until two particles may have come nearer than the skin. That is decided from
 *relative* displacements: the boxes that the displacements of each cell span are compared with
 those of the cells around it. Neighbours that flow together do not trigger a rebuild, and of what
@@ -37,6 +40,7 @@ from particell.compute.cells import (
     wrap_cell,
     wraps_around,
 )
+from particell.compute.clusters import Clusters, spacing_of
 from particell.compute.device import Device
 from particell.compute.loop import particle_loop
 from particell.compute.rounding import nearest_whole
@@ -274,6 +278,8 @@ class NeighbourList:
         Where loops run.
     domain
         The simulated box.
+    particles
+        Whose neighbours they are.
     support
         Largest support of a particle, in m.
     skin
@@ -292,13 +298,15 @@ class NeighbourList:
         minimum image has to be taken.
     builds
         How often the list was built.
+    renewals
+        How often arrays were made anew: who holds some has to look them up again.
     """
 
     def __init__(
         self,
         device: Device,
         domain: Domain,
-        particles: int,
+        particles: Particles,
         support: float,
         skin: float,
         lower: np.ndarray,
@@ -307,7 +315,8 @@ class NeighbourList:
         walls: bool,
     ):
         self.device, self.domain, self.skin, self.support = device, domain, skin, support
-        dim, n = domain.dim, particles
+        self.particles = particles
+        dim, n = domain.dim, len(particles)
         self.constants = {"DIM": dim, "UNIFORM": bool(uniform), "WALLS": bool(walls)}
         width = support + skin
         lengths = upper - lower
@@ -315,7 +324,8 @@ class NeighbourList:
         self.n, self.number_of_cells = n, int(np.prod(cells))
         self.narrowest = float((lengths / cells)[cells > 1].min(initial=np.inf))
         reals, array = device.zeros, device.array
-        self.fields = {
+        self.fields: dict[str, Any] = _Parts()
+        self.fields |= {
             "lower": array(lower),
             "inverse_cell": array(cells / lengths),
             "cells": array(cells),
@@ -325,11 +335,6 @@ class NeighbourList:
             "cell": device.zeros(n, np.int32),
             "has_walls": device.zeros(self.number_of_cells, np.uint8),
             "cell_start": device.zeros(self.number_of_cells + 1, np.int64),
-            "start": device.zeros(n, np.int64),
-            "split": device.zeros(n, np.int64),
-            "stop": device.zeros(n, np.int64),
-            "found": device.zeros(n, np.int64),
-            "crosses": device.zeros(n, np.uint8),
             "cell_width": array(lengths / cells),
             "x_built": reals((n, dim)),
             "low": reals((self.number_of_cells, dim), np.float64),
@@ -337,15 +342,15 @@ class NeighbourList:
             "largest": reals(self.number_of_cells, np.float64),
             "closed": device.zeros(self.number_of_cells, np.uint8),
             "most_moved": (SAFETY * skin) ** 2,
-            "beyond": batch_buffer(device, n),
             "least_apart": (support + (1.0 - SAFETY) * skin) ** 2,
         }
         self.order, self._first_of_cell = (
             np.zeros(n, np.int64),
             np.zeros(len(self.cell_start), np.int64),
         )
-        self.capacity = 0
-        self.builds = 0
+        self.capacity = self.builds = self.renewals = 0
+        self._lengths, self._spacing = lengths, spacing_of(particles, lengths)
+        self._clusters: Clusters | None = None
         bind, f, only = device.bind, self.fields, {"DIM": dim}
         self._wrap = bind(wrap_positions, f, **only)
         self._assign = bind(assign_cells, f, **only)
@@ -359,15 +364,34 @@ class NeighbourList:
         except KeyError:
             raise AttributeError(name) from None
 
+    def want(self, part: str) -> None:
+        """Make ``"rows"`` or ``"clusters"`` from now on, of the present list too if there is one.
+
+        They follow from the positions at its build: when they are asked for makes no difference.
+        """
+        if part == "rows" and not self.capacity:
+            n, zeros = self.n, self.device.zeros
+            self.fields |= {name: zeros(n, np.int64) for name in ("start", "split", "stop", "found")}
+            self.fields |= {"crosses": zeros(n, np.uint8), "beyond": batch_buffer(self.device, n)}
+            self._reserve(32)
+            if self.builds:
+                self._fill_rows()
+        if part == "clusters" and self._clusters is None:
+            self._clusters = Clusters(self, self._lengths, self._spacing)
+            self.fields |= self._clusters.fields
+            self.renewals += 1
+            if self.builds:
+                self._fill_clusters()
+
     def build(self, particles: Particles) -> None:
-        """Wrap positions into the domain, sort all fields into cell order and fill the rows."""
+        """Wrap positions into the domain, sort all fields into cell order and list neighbours."""
         self._wrap(self.n, particles["x"], particles["image"])
         self.device.copy(particles["x"], self.x_built)
         self._make(particles)
         self.builds += 1
 
     def _make(self, particles: Particles) -> None:
-        """Sort all fields and fill the rows by the positions ``x_built``."""
+        """Sort all fields and list neighbours by the positions ``x_built``."""
         n, x, host = self.n, self.x_built, self.device.to_host
         self._assign(n, x)
         counting_sort(host(self.cell), host(particles["id"]), self._first_of_cell, self.order)
@@ -376,10 +400,10 @@ class NeighbourList:
         self._assign(n, x)
         if self.constants["WALLS"]:
             self._find_walls(self.number_of_cells, particles["is_wall"])
-        if self.capacity == 0:
-            self._reserve(32)
-        while not self._fill(particles):
-            pass
+        if self.capacity:
+            self._fill_rows()
+        if self._clusters is not None:
+            self._fill_clusters()
 
     def needs_build(self, x, v, dt: float) -> bool:
         """Whether a pair outside the list may be within its support after a move by ``dt v``."""
@@ -423,6 +447,7 @@ class NeighbourList:
 
     def _reserve(self, capacity: int) -> None:
         self.capacity = capacity
+        self.renewals += 1
         self.fields["neighbours"] = self.device.zeros(self.n * capacity + 1, np.uint32)
         numbers = {"skin": self.skin, "capacity": capacity}
         self._find = self.device.bind(
@@ -432,11 +457,24 @@ class NeighbourList:
             BATCH=batch_size(self.device),
         )
 
-    def _fill(self, particles: Particles) -> bool:
-        position = self.x_built.reshape(self.n * self.domain.dim)
-        self._find(self.n, position, particles["support"], particles["is_wall"])
-        needed = int(self.device.to_host(self.found).max(initial=0)) + 1
-        if needed <= self.capacity:
-            return True
-        self._reserve(int(needed * 1.15) + 4)
-        return False
+    def _fill_rows(self) -> None:
+        p, position = self.particles, self.x_built.reshape(self.n * self.domain.dim)
+        while True:
+            self._find(self.n, position, p["support"], p["is_wall"])
+            needed = int(self.device.to_host(self.found).max(initial=0)) + 1
+            if needed <= self.capacity:
+                return
+            self._reserve(int(needed * 1.15) + 4)
+
+    def _fill_clusters(self) -> None:
+        assert self._clusters is not None
+        if self._clusters.build(self.x_built):
+            self.fields |= self._clusters.fields
+            self.renewals += 1
+
+
+class _Parts(dict):
+    """Arrays by name; those of a part of the list that was not asked for are missed in words."""
+
+    def __missing__(self, name: str) -> Any:
+        raise KeyError(f"{name}: unknown, or of a part of the list that nobody asked for (want)")

@@ -13,9 +13,11 @@ from typing import Any
 import numpy as np
 
 from particell.compute.batches import BATCH, batch_rows
+from particell.compute.clusters import LANES
 from particell.compute.composer import Generated, source_of
 from particell.compute.device import Device
 from particell.compute.expressions import Node, Symmetric, Vector, components, symbol
+from particell.compute.forms import form_of
 from particell.compute.generated import load
 from particell.compute.plan import Pass, Plan, Result, sum_symbols
 from particell.errors import InputError, unknown_name
@@ -169,6 +171,10 @@ class Sweep:
         """Fields of the particle that are written; what is kept of pairs is in ``stored``."""
         return tuple(sorted(self.plan().results))
 
+    def form_on(self, device: Device) -> str:
+        """The form that runs on a device."""
+        return form_of(self.plan(), device.backend, device.form)
+
     def source(self, form: str = "gather") -> Generated:
         """The generated loops' text and sizes."""
         return source_of(self.plan(), form)
@@ -191,31 +197,33 @@ class Sweep:
         scratch
             Records and columns that sweeps share, since one runs after the other.
         form
-            ``"gather"`` or ``"cuda"``; that of the device where it is left out.
+            ``"gather"``, ``"lanes"`` or ``"cuda"``; that of the device where it is left out.
 
         Returns
         -------
         callable
             ``f(n, **numbers)``.
         """
-        form = form or ("gather" if device.backend == "cpu" else "cuda")
+        form = form or self.form_on(device)
         made = self.source(form)
         module = load(self.name, made.text, made.functions)
-        n = len(fields["x"])
-        width = BATCH * batch_rows(device, n)
-        sizes = {
-            "record": n * made.record,
-            "columns": made.columns * width,
-            "whole_columns": made.whole_columns * width,
-        }
-        for name, size in sizes.items():
+        lanes = form == "lanes"
+        n = len(fields["member" if lanes else "x"])
+        rows = batch_rows(device, n)
+        sizes = {"record": (n * made.record, device.real)}
+        if lanes:
+            sizes["lanes"] = (made.columns * LANES * rows, np.float64)
+        else:
+            sizes["columns"] = (made.columns * BATCH * rows, device.real)
+            sizes["whole_columns"] = (made.whole_columns * BATCH * rows, np.int64)
+        for name, (size, kind) in sizes.items():
             if name not in scratch or len(scratch[name]) < size:
-                kind = np.int64 if name == "whole_columns" else device.real
                 scratch[name] = device.zeros(max(1, size), kind)
-        arrays = {**fields, **scratch}
+        arrays = {**fields, **scratch, "octets": np.uint64(1)}
         arrays |= {argument: fields[name] for argument, name in made.renamed.items()}
         loop, pack = getattr(module, self.name), getattr(module, f"pack_{self.name}")
-        return _Bound(self, device, (pack, loop), arrays)
+        numbers = (n, n // LANES) if lanes else (None, None)
+        return _Bound(self, device, (pack, loop), arrays, numbers)
 
 
 def _asked(law: Law, method: str, *given: Any) -> Mapping[str, Any]:
@@ -251,19 +259,24 @@ class _Bound:
     """Loops that run one after the other, with numbers given at every call."""
 
     def __init__(
-        self, sweep: Sweep, device: Device, loops: Sequence[Any], arrays: Mapping[str, Any]
+        self,
+        sweep: Sweep,
+        device: Device,
+        loops: Sequence[Any],
+        arrays: Mapping[str, Any],
+        lengths: Sequence[int | None],
     ):
         self.own = sweep.numbers if sweep.numbers() else None
         self.parts = [
-            (device.bind(loop, arrays), [a for a in loop.arguments if a not in arrays])
-            for loop in loops
+            (device.bind(loop, arrays), [a for a in loop.arguments if a not in arrays], length)
+            for loop, length in zip(loops, lengths, strict=True)
         ]
 
     def __call__(self, n: int, **numbers: Any) -> None:
         if self.own is not None:  # as the laws have them now
             numbers |= self.own()
-        for run, missing in self.parts:
-            run(n, *(numbers[name] for name in missing))
+        for run, missing, length in self.parts:
+            run(n if length is None else length, *(numbers[name] for name in missing))
 
 
 def _like(value: Any, parts: tuple[Node, ...], dim: int) -> Any:

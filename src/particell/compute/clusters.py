@@ -406,7 +406,7 @@ class Clusters:
         needed = int(most.sum())
         grown = needed >= len(f["cluster_entries"])
         if grown:
-            self._reserve(int(needed * 1.05))
+            self._reserve(int(needed * 1.1))
         self._fill(clusters)
         return grown
 

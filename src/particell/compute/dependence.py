@@ -201,13 +201,17 @@ class Dependence:
         """Whether a value takes functions of pairs that no vector computes quickly."""
         if not isinstance(value, int):
             return False
-        for number in self.numbering.under([value]):
-            node = self.numbering.nodes[number]
-            function = node.op in FUNCTIONS and node.op != "sqrt"
-            if node.op == "call" and node.what[0] in (shape_f, shape_w, power):
+        waiting, seen = [value], set()
+        while waiting:
+            number = waiting.pop()
+            if number in seen or self.level(number) != PAIR or self.is_early(number):
                 continue
-            if function and self.level(number) == PAIR and not self.is_early(number):
+            seen.add(number)
+            node = self.numbering.nodes[number]
+            cheap = node.op == "call" and node.what[0] in (shape_f, shape_w, power)
+            if node.op in FUNCTIONS and node.op != "sqrt" and not cheap:
                 return True
+            waiting += self.numbering.uses(number)
         return False
 
     def hazardous(self, value: Any) -> bool:

@@ -6,6 +6,7 @@ The plan of the loop comes from giving the laws symbols; see :mod:`particell.com
 from __future__ import annotations
 
 import copy
+import functools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -96,6 +97,10 @@ class Sweep:
         InputError
             Where a law reads or adds what there is not.
         """
+        return self._plan
+
+    @functools.cached_property
+    def _plan(self) -> Plan:
         dim = self.names.dim
         laws = self._with_symbols()
         me = Side(self.names, "i")
@@ -177,7 +182,13 @@ class Sweep:
 
     def source(self, form: str = "gather") -> Generated:
         """The generated loops' text and sizes."""
-        return source_of(self.plan(), form)
+        if form not in self._sources:
+            self._sources[form] = source_of(self.plan(), form)
+        return self._sources[form]
+
+    @functools.cached_property
+    def _sources(self) -> dict[str, Generated]:
+        return {}
 
     def bind(
         self,

@@ -61,7 +61,7 @@ class Lattice:
         neighbours = NeighbourList(
             device,
             domain,
-            n,
+            particles,
             reach,
             0.1 * reach,
             domain.lower,

@@ -185,8 +185,8 @@ class Dependence:
             return self.is_offset(number)
         if node.op == "*":
             return any(map(self.vanishes_alone, parts))
-        if node.op == "-" and all(isinstance(k, int) for k in parts):
-            one, other = map(self.mirror, parts)
+        if node.op == "-" and len(self.numbering.uses(number)) == 2:
+            one, other = map(self.mirror, self.numbering.uses(number))
             if one == other:
                 return True
         if node.op in ("+", "-", "neg", "max", "min", "early"):

@@ -16,7 +16,6 @@ from particell.checks import checked
 from particell.compute.loop import Loop, particle_loop
 from particell.errors import InputError
 
-
 #: Bytes that a processor reads at once.
 CACHE_LINE = 64
 
@@ -55,9 +54,7 @@ class Device:
         Where the backend is unknown or there is no usable GPU.
     """
 
-    def __init__(
-        self, backend: str = "cpu", precision: str = "float64", form: str | None = None
-    ):
+    def __init__(self, backend: str = "cpu", precision: str = "float64", form: str | None = None):
         if backend not in ("cpu", "cuda"):
             raise InputError("backend", backend, "'cpu' or 'cuda'")
         if precision not in ("float64", "float32"):

@@ -16,7 +16,7 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from particell.compute.clusters import LANES, SLOT_BITS
+from particell.compute.bins import LANES, SLOT_BITS
 from particell.compute.dependence import ITS, NUMBER, OWN
 from particell.compute.emit import Writer
 from particell.compute.plan import Pass, Plan, sum_names
@@ -137,7 +137,9 @@ class LanesGenerator(Generator):
         truths = {roots["only"][0] for roots in self.values.roots if "only" in roots}
         for number in own:
             name = writer.names[number]
-            lines.append(f"{self._lane(number)} = {f'1.0 if {name} else 0.0' if number in truths else name}")
+            lines.append(
+                f"{self._lane(number)} = {f'1.0 if {name} else 0.0' if number in truths else name}"
+            )
         lines += [f"{self._lane(name)} = 0.0" for name in self._accumulators()]
         return [EACH, *indented(self._with_own(lines))]
 
@@ -270,9 +272,7 @@ class LanesGenerator(Generator):
             for v in roots[name]
         ]
 
-    def _act(
-        self, p: Pass, roots: Roots, pairs: Writer, kept: dict[Any, str]
-    ) -> list[str]:
+    def _act(self, p: Pass, roots: Roots, pairs: Writer, kept: dict[Any, str]) -> list[str]:
         """Evaluate the laws of the pairs and add to the sums."""
         wanted = [n for name in p.sums for n in roots[name] if isinstance(n, int)]
         left_out = self._left_out(p, roots)
@@ -290,7 +290,9 @@ class LanesGenerator(Generator):
             if not isinstance(number, int) and not number:
                 continue
             value = pairs.names[number] if isinstance(number, int) else repr(number)
-            lines.append(f"{self._lane(target)} += {f'{value} if near else 0.0' if masked else value}")
+            lines.append(
+                f"{self._lane(target)} += {f'{value} if near else 0.0' if masked else value}"
+            )
         return lines
 
     def _finished(self, numbers: Writer, own: list[int]) -> list[str]:

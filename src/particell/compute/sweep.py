@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from particell.compute.batches import BATCH, batch_rows
-from particell.compute.clusters import LANES
+from particell.compute.bins import LANES
 from particell.compute.composer import Generated, source_of
 from particell.compute.device import Device
 from particell.compute.expressions import Node, Symmetric, Vector, components, symbol
@@ -221,7 +221,7 @@ class Sweep:
         lanes = form == "lanes"
         n = len(fields["member" if lanes else "x"])
         rows = batch_rows(device, n)
-        sizes = {"record": (n * made.record, device.real)}
+        sizes: dict[str, tuple[int, Any]] = {"record": (n * made.record, device.real)}
         if lanes:
             sizes["lanes"] = (made.columns * LANES * rows, np.float64)
         else:

@@ -130,13 +130,13 @@ def find_clusters(
     cluster_split,
     cluster_stop,
     cluster_entries,
+    fill,
     *,
     DIM,
     UNIFORM,
     WALLS,
-    FILL,
 ):
-    """The list of cluster c; without ``FILL`` ``cluster_stop`` becomes its greatest length.
+    """The list of cluster c; without ``fill`` ``cluster_stop`` becomes its greatest length.
 
     ``wall_slots`` is what slots of walls are ahead of their numbers in the sorted order.
     """
@@ -177,10 +177,10 @@ def find_clusters(
             periodic[DIM - 2],
         )
     put = batch_row(c) * np.uint64(BATCH)
-    k = np.uint64(cluster_start[c]) if FILL else np.uint64(0)
+    k = np.uint64(cluster_start[c]) if fill else np.uint64(0)
     total = number_x * number_y * number_z
     for kind in range(2 if WALLS else 1):
-        if FILL and kind == 1:
+        if fill and kind == 1:
             cluster_split[c] = k
         ahead = wall_slots if kind == 1 else 0
         for ox in range(first_x, last_x + 1):
@@ -224,7 +224,7 @@ def find_clusters(
                         begin_z, end_z = number_z - 1 - end_z, number_z - 1 - begin_z
                     row = kind * total + column * number_z
                     begin, end = bin_start[row + begin_z], bin_start[row + end_z + 1]
-                    if not FILL:
+                    if not fill:
                         k += np.uint64(end - begin)
                         continue
                     image = (image_x * 3 + image_y) * 3 + image_z
@@ -280,6 +280,6 @@ def find_clusters(
                             cluster_entries[k] = code | np.uint32(j + np.uint64(q))
                             k += np.uint64(beyond[put + np.uint64(q)] < 0.0)
                         j += number
-    if FILL and not WALLS:
+    if fill and not WALLS:
         cluster_split[c] = k
     cluster_stop[c] = k

@@ -105,16 +105,13 @@ class Clusters:
         self._assign = device.bind(assign_bins, own, **only)
         self._place = device.bind(place_slots, {**own, **self.fields}, **only)
         self._constants = {**only, "UNIFORM": neighbours.constants["UNIFORM"], "WALLS": walls > 0}
-        self._count = device.bind(
-            find_clusters, {**own, **self.fields}, **self._constants, FILL=False
-        )
         self._reserve(0)
 
     def _reserve(self, entries: int) -> None:
         """Make room for so many, and the one that is written where none is found."""
         self.fields["cluster_entries"] = self.device.zeros(entries + 1, np.uint32)
         fields = {**self.own, **self.fields}
-        self._fill = self.device.bind(find_clusters, fields, **self._constants, FILL=True)
+        self._find = self.device.bind(find_clusters, fields, **self._constants)
 
     def build(self, x: Any) -> bool:
         """Make clusters and their lists of the places x; whether arrays are new."""
@@ -128,14 +125,14 @@ class Clusters:
                 f["member"][slot + number : slot + whole] = self._order[begin + number - 1]
             begin, slot = begin + number, slot + whole
         self._place(own["slots"], x, p["support"])
-        self._count(self.number)
+        self._find(self.number, False)
         most = f["cluster_stop"]
         np.cumsum(most[:-1], out=f["cluster_start"][1:])
         needed = int(most.sum())
         grown = needed >= len(f["cluster_entries"])
         if grown:
             self._reserve(int(needed * 1.1))
-        self._fill(self.number)
+        self._find(self.number, True)
         return grown
 
 

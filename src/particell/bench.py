@@ -104,6 +104,7 @@ def entry(
 ) -> dict[str, Any]:
     """One row of the result."""
     neighbours = simulation.neighbours
+    neighbours.want("rows")
     rows = simulation.device.to_host(neighbours.stop) - simulation.device.to_host(neighbours.start)
     return {
         "name": name,

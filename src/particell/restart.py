@@ -48,6 +48,7 @@ def description(simulation: Simulated) -> dict[str, str]:
         "scheme": scheme_text(s.scheme),
         "forces": "" if s.static else "; ".join(f.described() for f in s.solver.flow.forces),
         "precision": str(s.device.real),
+        "forms": repr(s.solver.forms()),
         "seed": repr(s.seed),
         "species": repr([*chemistry.species.values()] if chemistry else []),
         "rates": repr([[t.rate.tolist(), t.value.tolist()] for t in chemistry.tables])

@@ -223,7 +223,7 @@ def build_neighbours(
     return NeighbourList(
         device,
         domain,
-        len(particles),
+        particles,
         h,
         skin * h,
         lower,

@@ -166,6 +166,7 @@ def settings_of(simulation: Simulated) -> dict[str, Any]:
     return {
         "scheme": type(scheme).__name__,
         "kernel": scheme.kernel,
+        "forms": simulation.solver.forms(),
         "support": float(simulation.particles.host("support").max()),
         "skin": simulation.neighbours.skin,
         "dt": simulation.dt,

@@ -63,7 +63,7 @@ class Lattice:
         neighbours = NeighbourList(
             device,
             domain,
-            n,
+            particles,
             reach,
             0.1 * reach,
             domain.lower,

@@ -49,7 +49,7 @@ def system(points, volumes, support, period, species=None, boundaries=(), group=
         particles.set("is_wall", (group == 1).astype(np.uint8))
     reach = support * SPACING
     neighbours = NeighbourList(
-        device, domain, n, reach, 0.1 * reach, lower, upper, True, group is not None
+        device, domain, particles, reach, 0.1 * reach, lower, upper, True, group is not None
     )
     species = species or [Species("A", KAPPA, only_in="layer")]
     Chemistry.add_fields(particles, species)
@@ -238,7 +238,9 @@ def slab(points, support, period, held, species):
         particles.set(name, values)
     reach = support * SPACING
     domain = Domain(tuple(lower), tuple(upper), periodic=axes)
-    neighbours = NeighbourList(device, domain, n, reach, 0.1 * reach, lower, upper, True, True)
+    neighbours = NeighbourList(
+        device, domain, particles, reach, 0.1 * reach, lower, upper, True, True
+    )
     boundaries = [Reservoir("low", {"A": 0.0}), Reservoir("high", {"A": 1.0})]
     Chemistry.add_fields(particles, species)
     neighbours.build(particles)

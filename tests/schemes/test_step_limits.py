@@ -166,7 +166,7 @@ def test_a_resumed_run_has_the_same_bits():
     resumed.restore(state)
     resumed.advance(5)
     assert same_bits(whole, resumed) == []
-    assert resumed.solver.law_limit == whole.solver.law_limit
+    assert resumed.solver.flow.law_limit == whole.solver.flow.law_limit
 
 
 HEATED = {

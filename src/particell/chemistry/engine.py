@@ -460,6 +460,7 @@ class Chemistry(Contents):
 
     def _bind(self) -> None:
         """Look up the loops' arrays, again where the neighbour list has other ones."""
+        self.neighbours.want("rows")
         rows = self.neighbours.fields["neighbours"]
         if rows is self._rows:
             return

@@ -16,169 +16,39 @@ On a GPU (form ``"cuda"``) 2 and 3 are one: nothing is written per pair.
 
 from __future__ import annotations
 
-import keyword
 import re
-import textwrap
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from particell.compute.batches import BATCH
-from particell.compute.dependence import SEEING, Dependence
+from particell.compute.dependence import SEEING
 from particell.compute.emit import Writer
+from particell.compute.lanes import LanesGenerator
 from particell.compute.plan import Pass, Plan, sum_names
-from particell.laws.digest import digest, is_own
-
-#: Numbers of a record: whole vectors, or parts of one cache line.
-WIDTHS = (2, 4, 8, 16, 24, 32, 48, 64, 96, 128)
-#: Names of variables in loops.
-LOCALS = re.compile(
-    r"(i|j|k|q|c|at|own|other|wraps|r2|reach2|begin|last|end|filled|base|base_whole|math|np|thread"
-    r"|n|first|(x|dx|c|t|own|own_|of_i|near)\d+|sum_\w+)"
-)
-HEAD = """\
-import math
-
-import numpy as np
-
-from particell.compute.batches import batch_row, whole_lanes
-from particell.compute.loop import particle_loop
-from particell.compute.rounding import nearest_whole
-"""
-
-
-@dataclass(frozen=True)
-class Generated:
-    """A module's text, functions of the user's that it calls, the sizes of what it works with.
-
-    ``renamed`` has names of fields by those of arguments, where they differ.
-    """
-
-    text: str
-    functions: dict[str, Any]
-    record: int
-    columns: int
-    whole_columns: int
-    renamed: dict[str, str]
+from particell.compute.writing import Generated, Generator, indented
 
 
 def source_of(plan: Plan, form: str) -> Generated:
-    """Write the loops of a plan in a form, ``"gather"`` or ``"cuda"``."""
-    return _Generator(plan, form).write()
+    """Write the loops of a plan in a form, ``"gather"``, ``"lanes"`` or ``"cuda"``."""
+    generator = LanesGenerator(plan) if form == "lanes" else _Generator(plan, form)
+    return generator.write()
 
 
-def _indented(lines: Iterable[str], depth: int = 1) -> list[str]:
-    return ["    " * depth + line for line in lines]
+class _Generator(Generator):
+    """The forms for one particle after the other."""
 
-
-class _Generator:
     def __init__(self, plan: Plan, form: str):
-        self.plan, self.form = plan, form
-        self.values = Dependence(plan)
-        self.functions: dict[str, Any] = {}
-        self.given: dict[str, Any] = {}  # those of the user's, which are not imported
-        self.arguments: dict[str, None] = {}
-        self.renamed: dict[str, str] = {}  # names of fields, by those of arguments
-        self.columns = self.whole_columns = 0
-        #: whether anything is read of neighbours' records
-        self._packed = self.values.placed or bool(self.values.record)
+        super().__init__(plan)
+        self.form = form
 
     def write(self) -> Generated:
-        width = next(w for w in WIDTHS if w >= self.plan.dim + len(self.values.record))
-        loop = self._loop(self.values.roots, width)
-        pack = self._pack(width) if self._packed else []
-        imports = sorted(
-            f"from {f.__module__} import {name}"
-            for name, f in ((n, getattr(g, "py_func", g)) for n, g in self.functions.items())
-            if name not in self.given
-        )
-        title = f'"""{self.plan.title}. Generated: not to be edited."""\n'
-        text = "\n".join([title, HEAD + "\n".join(imports), "", "", *pack, "", "", *loop, ""])
-        text = text.replace("WHOLE_COLUMNS", str(self.whole_columns))
-        text = text.replace("COLUMNS", str(self.columns))
-        sizes = (width, self.columns, self.whole_columns)
-        return Generated(text, self.given, *sizes, self.renamed)
-
-    # text
-
-    def _argument(self, name: str) -> str:
-        """The argument's name, another one where that is a variable of the loop or a keyword."""
-        if keyword.iskeyword(name) or LOCALS.fullmatch(name):
-            self.renamed[f"{name}_field"] = name
-            name = f"{name}_field"
-        self.arguments.setdefault(name)
-        return name
-
-    def _function(self, function: Any) -> str:
-        name = getattr(function, "py_func", function).__name__
-        if is_own(function):  # another body is another name, and so another file
-            name = f"{name.strip('<>')}_{digest(function, f'what {name} of a law reads')}"
-            self.given[name] = function
-        assert self.functions.setdefault(name, function) is function or name in self.given, name
-        return name
-
-    def _symbol(self, what: tuple) -> str:
-        kind, name, side, component = what
-        if kind in ("pair", "apart", "sum"):
-            return name
-        if kind == "index":
-            return side
-        if kind == "stored":
-            return f"{self._argument(name)}[k]"
-        place = [side] if kind == "field" else []
-        if kind == "table":
-            place = [f"{self._argument('group')}[{side}]"]
-        if kind == "groups":
-            group = self._argument("group") if side else ""
-            place = [f"{group}[i]", f"{group}[j]"] if side else ["0", "0"]
-        if isinstance(component, str):
-            component = self._argument(component)
-        place += [] if component is None else [str(component)]
-        return self._argument(name) + (f"[{', '.join(place)}]" if place else "")
-
-    def _writer(self, prefix: str, names: dict[int, str] | None = None) -> Writer:
-        writer = Writer(self.values.numbering, self._symbol, self._function, prefix)
-        writer.names.update(names or {})
-        return writer
-
-    def _write(self, writer: Writer, roots: Sequence[int], named: bool = False) -> list[str]:
-        """Lines after which ``roots`` have texts; what is used twice, or ``named``, has a name."""
-        wanted: set[int] = set()
-        waiting = list(roots)
-        while waiting:
-            number = waiting.pop()
-            if number not in wanted and number not in writer.names:
-                wanted.add(number)
-                waiting += self.values.numbering.uses(number)
-        uses: dict[int, int] = {}
-        for number in [*roots, *(k for w in wanted for k in self.values.numbering.uses(w))]:
-            uses[number] = uses.get(number, 0) + 1
-        often = {number for number, times in uses.items() if times > 1}
-        return writer.write(sorted(wanted), often | set(roots) if named else often)
-
-    def _definition(self, name: str, lines: list[str], vectorise: bool) -> list[str]:
-        given = textwrap.wrap(", ".join(["i", *self.arguments]), 92, break_long_words=False)
-        return [
-            "@particle_loop(vectorise=True)" if vectorise else "@particle_loop",
-            f"def {name}(",
-            *_indented(given),
-            "):",
-            *_indented(lines),
-        ]
-
-    def _pack(self, width: int) -> list[str]:
+        """See the base."""
+        loop = self._loop(self.values.roots, self.width)
         self.arguments = {}
-        writer = self._writer("own")
-        mirrored = [self.values.mirror(number) for number in self.values.record]
-        lines = [f"at = i * {width}"]
-        if self.values.placed:
-            x = self._argument("x")
-            lines += [f"record[at + {d}] = {x}[i, {d}]" for d in range(self.plan.dim)]
-        lines += self._write(writer, mirrored)
-        for number, place in zip(mirrored, self.values.record.values(), strict=True):
-            lines.append(f"record[at + {place}] = {writer.names[number]}")
-        self._argument("record")
-        return self._definition(f"pack_{self.plan.name}", lines, False)
+        pack: list[str] = []
+        if self.has_record:
+            lines = [f"at = i * {self.width}", *self._packed()]
+            pack = self._definition(f"pack_{self.plan.name}", "i", lines, "@particle_loop")
+        return self._module(loop, pack)
 
     def _loop(self, roots: list[dict[str, tuple[Any, ...]]], width: int) -> list[str]:
         plan = self.plan
@@ -189,7 +59,7 @@ class _Generator:
         parts = [self.values.split(found) for found in roots]
         once = [number for _, needed in parts for number in needed]
         head = self._skipped()
-        if self._packed:
+        if self.has_record:
             head += [f"own = np.uint64(i) * np.uint64({width})", *self._own_place()]
         at = len(head)
         if self.values.placed:
@@ -205,21 +75,8 @@ class _Generator:
         places = [k for k in self.values.record.values() if f"own_{k}" in read]
         lines[at:at] = [f"own_{k} = record[own + np.uint64({k})]" for k in places]
         vectorise = self.form == "gather" and not all(p.weighed for p in plan.passes)
-        return self._definition(plan.name, lines, vectorise)
-
-    def _own_place(self) -> list[str]:
-        """Where particle i is, from its own record: rounded as its neighbours see it."""
-        self._argument("record")
-        if not self.values.placed:
-            return []
-        return [f"x{d} = record[own + np.uint64({d})]" for d in range(self.plan.dim)]
-
-    def _accumulators(self) -> list[str]:
-        names: dict[str, None] = {}
-        for p in self.plan.passes:
-            for name, values in p.sums.items():
-                names |= dict.fromkeys(sum_names(name, len(values)))
-        return list(names)
+        decorator = "@particle_loop" + ("(vectorise=True)" if vectorise else "")
+        return self._definition(plan.name, "i", lines, decorator)
 
     def _skipped(self) -> list[str]:
         plan = self.plan
@@ -227,28 +84,14 @@ class _Generator:
             return []
         test = self._argument("is_wall") + "[i] != 0"
         lines = [f"if {test}:" if plan.targets == "mobile" else f"if not {test}:"]
-        for name in plan.zeroed:
-            lines += _indented(f"{place} = 0.0" for place in self._places(name))
-        return [*lines, "    return"]
+        return [*lines, *indented([*self._zeros(), "return"])]
 
-    def _places(self, name: str) -> list[str]:
-        result = self.plan.results[name]
-        self._argument(name)
-        if result.column:
-            return [f"{name}[i, {self._argument(result.column)}]"]
-        if not result.rows:
-            return [f"{name}[i]"]
-        return [f"{name}[i, {d}]" for d in range(len(result.values))]
-
-    def _finish(self, own: Writer) -> list[str]:
-        lines: list[str] = []
-        for name, result in self.plan.results.items():
-            values = [self.values.number(v) for v in result.values]
-            lines += self._write(own, [v for v in values if isinstance(v, int)])
-            for place, value in zip(self._places(name), values, strict=True):
-                text = own.names[value] if isinstance(value, int) else repr(value)
-                lines.append(f"{place} = {text}")
-        return lines
+    def _own_place(self) -> list[str]:
+        """Where particle i is, from its own record: rounded as its neighbours see it."""
+        self._argument("record")
+        if not self.values.placed:
+            return []
+        return [f"x{d} = record[own + np.uint64({d})]" for d in range(self.plan.dim)]
 
     def _pass(
         self,
@@ -274,10 +117,10 @@ class _Generator:
             inside = [*reads, *acts]
             if p.weighed and any(map(self.values.is_early, columns)):  # dear ones
                 test = f"if {self._argument(p.weighed)}[k] != 0.0:"
-                inside = [test, *_indented(inside)]
+                inside = [test, *indented(inside)]
             elif not (p.stored or p.weighed):
-                inside = [*reads, "if r2 < reach2:", *_indented(acts)]
-            loop = [f"for k in range({begin}, {last}):", *_indented([*inside, *keeps])]
+                inside = [*reads, "if r2 < reach2:", *indented(acts)]
+            loop = [f"for k in range({begin}, {last}):", *indented([*inside, *keeps])]
             return self._where(roots, own, loop)
         stores, fills = self._stores(columns, gather), self._fills(p, roots, columns)
         keep = "c += np.uint64(1)" if p.stored else "c += np.uint64(r2 < reach2)"
@@ -297,10 +140,10 @@ class _Generator:
             f"    end = min(last, begin + np.uint64({BATCH}))",
             "    c = np.uint64(0)",
             "    for k in range(begin, end):",
-            *_indented([*reads, *stores, keep], 2),
-            *_indented(fills, 1),
+            *indented([*reads, *stores, keep], 2),
+            *indented(fills, 1),
             f"    for q in range(np.uint64(0), {every}):",
-            *_indented([*loads, *acts, *keeps], 2),
+            *indented([*loads, *acts, *keeps], 2),
             "    begin = end",
         ]
         return self._where(roots, own, lines)
@@ -310,7 +153,7 @@ class _Generator:
         """Lines under the condition on i that a pass may have."""
         if "only" not in roots:
             return lines
-        return [f"if {own.names[roots['only'][0]]}:", *_indented(lines)]
+        return [f"if {own.names[roots['only'][0]]}:", *indented(lines)]
 
     def _neighbour(
         self,
@@ -325,7 +168,7 @@ class _Generator:
         if p.itself:
             row = f"np.uint64({row}) if k < {self._argument(p.last)}[i] else np.uint64(i)"
         lines = [f"j = {row}"]
-        if self._packed:
+        if self.has_record:
             lines.append(f"other = np.uint64(j) * np.uint64({width})")
         for number, place in self.values.record.items():
             gather.names[number] = f"record[other + np.uint64({place})]"

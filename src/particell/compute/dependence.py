@@ -7,7 +7,7 @@ from typing import Any
 from particell.compute.emit import Numbering
 from particell.compute.expressions import Node
 from particell.compute.plan import Pass, Plan
-from particell.kernels import shape_f, shape_w
+from particell.kernels import power, shape_f, shape_w
 
 #: What a value depends on.
 NUMBER, OWN, ITS, PAIR = range(4)
@@ -41,6 +41,7 @@ class Dependence:
         self.numbering = Numbering()
         self._levels: dict[int, int] = {}
         self._vanishing: dict[int, bool] = {}
+        self._alone: dict[int, bool] = {}
         self.record: dict[int, int] = {}
         self.roots = [self._roots(p) for p in plan.passes]
         self.placed = not all(p.weighed for p in plan.passes) or any(
@@ -82,7 +83,8 @@ class Dependence:
         node = self.numbering.nodes[number]
         return node.op == "symbol" and node.what[1] in self.plan.whole
 
-    def _is_index(self, number: int) -> bool:
+    def is_index(self, number: int) -> bool:
+        """Whether a value is a particle's place."""
         node = self.numbering.nodes[number]
         return node.op == "symbol" and node.what[0] == "index"
 
@@ -146,7 +148,7 @@ class Dependence:
             seen.add(number)
             if self.level(number) != ITS or self.numbering.nodes[number].op in CONDITIONS:
                 waiting += self.numbering.uses(number)
-            elif not self.is_whole(number) and not self._is_index(number):
+            elif not self.is_whole(number) and not self.is_index(number):
                 self.record.setdefault(number, self._first + len(self.record))
 
     def vanishes(self, value: Any) -> bool:
@@ -172,6 +174,80 @@ class Dependence:
         if node.op == "where":
             return parts[1] and parts[2]
         return node.op == "call" and node.what[0] in (shape_f, shape_w)
+
+    def vanishes_alone(self, value: Any) -> bool:
+        """Whether a value is zero for a particle with itself, by what differs between the two."""
+        if not isinstance(value, int):
+            return value == 0.0
+        found = self._alone.get(value)
+        if found is None:
+            found = self._alone[value] = self._vanishes_alone(value)
+        return found
+
+    def _vanishes_alone(self, number: int) -> bool:
+        node = self.numbering.nodes[number]
+        parts = [
+            self.numbering(a) if isinstance(a, Node) else float(a)
+            for a in node.args
+            if isinstance(a, Node | int | float)
+        ]
+        if node.op == "symbol":
+            return self.is_offset(number)
+        if node.op == "*":
+            return any(map(self.vanishes_alone, parts))
+        if node.op == "-" and len(self.numbering.uses(number)) == 2:
+            one, other = map(self.mirror, self.numbering.uses(number))
+            if one == other:
+                return True
+        if node.op in ("+", "-", "neg", "max", "min", "early"):
+            return all(map(self.vanishes_alone, parts))
+        if node.op in ("/", "sqrt"):
+            return self.vanishes_alone(parts[0])
+        if node.op == "where":
+            return all(map(self.vanishes_alone, parts[1:]))
+        return False
+
+    def is_dear(self, value: Any) -> bool:
+        """Whether a value takes functions of pairs that no vector computes quickly."""
+        if not isinstance(value, int):
+            return False
+        waiting, seen = [value], set()
+        while waiting:
+            number = waiting.pop()
+            if number in seen or self.level(number) != PAIR or self.is_early(number):
+                continue
+            seen.add(number)
+            node = self.numbering.nodes[number]
+            cheap = node.op == "call" and node.what[0] in (shape_f, shape_w, power)
+            if node.op in FUNCTIONS and node.op != "sqrt" and not cheap:
+                return True
+            waiting += self.numbering.uses(number)
+        return False
+
+    def hazardous(self, value: Any) -> bool:
+        """Whether a value of a pair may not be finite where it should vanish.
+
+        That is where something of the pair is divided by (but for 1/(r + ε)), a function other than
+        the kernel taken, or a field read that may hold infinity.
+        """
+        if not isinstance(value, int):
+            return False
+        below = self.numbering.under([value])
+        return not self.is_finite(value) or any(map(self._is_hazard, below))
+
+    def _is_hazard(self, number: int) -> bool:
+        node = self.numbering.nodes[number]
+        if self.level(number) != PAIR:
+            return False
+        if node.op == "/" and isinstance(node.args[1], Node):
+            divisor = self.numbering.uses(number)[-1]
+            below = self.numbering.nodes[divisor]
+            bounded = below.op == "+" and any(isinstance(a, float) and a > 0 for a in below.args)
+            roots = [self.numbering.nodes[k].op for k in self.numbering.uses(divisor)]
+            return self.level(divisor) == PAIR and not (bounded and roots == ["sqrt"])
+        if node.op == "call":
+            return node.what[0] not in (shape_f, shape_w, power)
+        return node.op in FUNCTIONS and node.op != "sqrt"
 
     def mirror(self, number: int) -> int:
         """The number of the same expression of i instead of j."""

@@ -16,6 +16,9 @@ from particell.checks import checked
 from particell.compute.loop import Loop, particle_loop
 from particell.errors import InputError
 
+#: Bytes that a processor reads at once.
+CACHE_LINE = 64
+
 
 @particle_loop
 def gather_rows(i, source, order, target, *, COLUMNS):
@@ -41,6 +44,9 @@ class Device:
         ``"cpu"`` or ``"cuda"``.
     precision
         ``"float64"`` or ``"float32"``, the type of particle fields.
+    form
+        The form of sweeps on a CPU, ``"gather"`` or ``"lanes"``, for those that can have it; by a
+        rule (:mod:`particell.compute.forms`) where it is left out.
 
     Raises
     ------
@@ -48,18 +54,22 @@ class Device:
         Where the backend is unknown or there is no usable GPU.
     """
 
-    def __init__(self, backend: str = "cpu", precision: str = "float64"):
+    def __init__(self, backend: str = "cpu", precision: str = "float64", form: str | None = None):
         if backend not in ("cpu", "cuda"):
             raise InputError("backend", backend, "'cpu' or 'cuda'")
         if precision not in ("float64", "float32"):
             raise InputError("precision", precision, "'float64' or 'float32'")
+        if form not in (None, "gather", "lanes"):
+            raise InputError("form", form, "'gather' or 'lanes', or left out")
         if backend == "cuda":
             _require_cuda()
-        self.backend = backend
+        self.backend, self.form = backend, form
         self.real = np.dtype(precision)
 
     def zeros(self, shape: int | tuple[int, ...], dtype: Any = None):
         """A new array of zeros (of the device's real type by default)."""
+        if self.backend == "cpu":
+            return aligned_zeros(shape, np.dtype(dtype or self.real))
         return self.array(np.zeros(shape, dtype or self.real))
 
     def array(self, values: np.ndarray):
@@ -135,6 +145,14 @@ class Device:
             run(n, *bound)
 
         return call
+
+
+def aligned_zeros(shape: int | tuple[int, ...], dtype: np.dtype) -> np.ndarray:
+    """An array that begins with a cache line, so that records and vectors do not lie across two."""
+    size = int(np.prod(shape)) * dtype.itemsize
+    raw = np.zeros(size + CACHE_LINE, np.uint8)
+    begin = -raw.ctypes.data % CACHE_LINE
+    return raw[begin : begin + size].view(dtype).reshape(shape)
 
 
 def _require_cuda() -> None:

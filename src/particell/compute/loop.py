@@ -56,9 +56,11 @@ class CompileLog:
 class Loop:
     """The body of a loop over particles, and its compiled forms."""
 
-    def __init__(self, body: Callable[..., None], vectorise: bool = False):
+    def __init__(
+        self, body: Callable[..., None], vectorise: bool = False, reassociate: bool = True
+    ):
         self.body = body
-        self.vectorise = vectorise
+        self.vectorise, self.reassociate = vectorise, vectorise and reassociate
         self.__doc__ = body.__doc__
         self.__name__ = body.__name__
         signature = inspect.signature(body)
@@ -105,8 +107,16 @@ class Loop:
 @overload
 def particle_loop(body: Callable[..., None], /) -> Loop: ...
 @overload
-def particle_loop(*, vectorise: bool) -> Callable[[Callable[..., None]], Loop]: ...
-def particle_loop(body: Callable[..., None] | None = None, /, *, vectorise: bool = False) -> Any:
+def particle_loop(
+    *, vectorise: bool, reassociate: bool = True
+) -> Callable[[Callable[..., None]], Loop]: ...
+def particle_loop(
+    body: Callable[..., None] | None = None,
+    /,
+    *,
+    vectorise: bool = False,
+    reassociate: bool = True,
+) -> Any:
     """Decorate the body for particle ``i`` (its first parameter); see the module's docstring.
 
     ``vectorise`` lets the compiler turn inner loops and their sums into vector instructions; it is
@@ -198,7 +208,7 @@ def cpu_python(loop: Loop, constants: dict[str, Any]) -> Callable[..., None]:
 
 def _cpu_loop(loop: Loop, constants: dict[str, Any]) -> Callable[..., None]:
     options: dict[str, Any] = {
-        "fastmath": FASTMATH | {"reassoc"} if loop.vectorise else FASTMATH,
+        "fastmath": FASTMATH | {"reassoc"} if loop.reassociate else FASTMATH,
         "error_model": "numpy",
         "nogil": True,
         "cache": all(hasattr(v, "disk_key") for v in constants.values() if callable(v)),

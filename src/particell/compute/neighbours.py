@@ -11,6 +11,10 @@ the order of particles in memory: neither where they were before nor the capacit
 a row has the same bits whatever happened before, and a checkpoint holds the positions, not the
 list.
 
+On CPUs the list is that of clusters (:mod:`particell.compute.clusters`), from which rows are taken
+where they are asked for (:meth:`NeighbourList.want`): finding them cell by cell for every particle
+takes several times as long. There the order in a row is that of the cluster's list.
+
 The list stays valid until two particles may have come nearer than the skin. That is decided from
 *relative* displacements: the boxes that the displacements of each cell span are compared with
 those of the cells around it. Neighbours that flow together do not trigger a rebuild, and of what
@@ -25,21 +29,17 @@ from typing import Any
 
 import numpy as np
 
-from particell.compute.batches import batch_buffer, batch_row, batch_size
+from particell.compute.batches import batch_buffer, batch_size
 from particell.compute.cells import (
     assign_cells,
-    cell_at,
-    cells_around,
     cells_of,
     counting_sort,
-    place_of,
-    wrap_cell,
-    wraps_around,
 )
+from particell.compute.clusters import Clusters
 from particell.compute.device import Device
 from particell.compute.displacements import closed_gaps, displacement_boxes
 from particell.compute.loop import particle_loop
-from particell.compute.rounding import nearest_whole
+from particell.compute.rows import find_neighbours, find_walls, rows_of_cluster
 from particell.errors import InputError
 from particell.geometry.domain import Domain
 from particell.particles import Particles
@@ -49,143 +49,6 @@ SAFETY = 0.9
 
 
 @particle_loop
-def find_walls(c, cell_start, is_wall, has_walls):
-    """Whether cell c holds wall particles."""
-    found = False
-    for i in range(cell_start[c], cell_start[c + 1]):
-        found |= is_wall[i] != 0
-    has_walls[c] = found
-
-
-@particle_loop(vectorise=True)
-def find_neighbours(
-    i,
-    position,
-    support,
-    is_wall,
-    cell,
-    cell_start,
-    has_walls,
-    cells,
-    periodic,
-    period,
-    inverse_period,
-    skin,
-    capacity,
-    start,
-    split,
-    stop,
-    neighbours,
-    found,
-    crosses,
-    beyond,
-    *,
-    DIM,
-    UNIFORM,
-    WALLS,
-    BATCH,
-):
-    """Fill row i of the list; ``found[i]`` may exceed the capacity, then the row is not whole.
-
-    ``position`` is x_built as one row of numbers, whose stride the compiler knows. The batch
-    ``beyond`` holds by how much the squared distances of candidates exceed the squared reach.
-    """
-    ix, iy, iz = place_of(np.int64(cell[i]), cells, DIM)
-    first_x, number_x, first_y, number_y, first_z, number_z = cells_around(
-        ix, iy, iz, cells, periodic, 1, DIM
-    )
-    last = cells[DIM - 1]
-    wraps = (
-        wraps_around(first_z, number_z, last, periodic[DIM - 1])
-        or (DIM >= 2 and wraps_around(first_y, number_y, cells[DIM - 2], periodic[DIM - 2]))
-        or (DIM == 3 and wraps_around(first_x, number_x, cells[0], periodic[0]))
-    )
-    crosses[i] = wraps
-    begin = i * capacity
-    k = begin
-    limit = begin + capacity - 1
-    back = limit  # walls are put at the end, backwards
-    dims, batch = np.uint64(DIM), np.uint64(BATCH)
-    own = np.uint64(i) * dims
-    xi = position[own]
-    yi = position[own + np.uint64(1)] if DIM > 1 else 0.0
-    zi = position[own + np.uint64(2)] if DIM > 2 else 0.0
-    reach = support[i] + skin
-    put = batch_row(i) * batch
-    for ox in range(number_x):
-        cx = wrap_cell(first_x + ox, cells[0]) if DIM == 3 else 0
-        for oy in range(number_y):
-            cy = wrap_cell(first_y + oy, cells[DIM - 2]) if DIM >= 2 else 0
-            row = cell_at(cx, cy, 0, cells, DIM)
-            # the cells along the last axis are one run of particles, two if it wraps around
-            for run in range(2):
-                low = max(first_z, 0)
-                high = min(first_z + number_z, last)
-                if run == 1:
-                    low = 0
-                    high = 0
-                    if first_z < 0:
-                        low = first_z + last
-                        high = last
-                    if first_z + number_z > last:
-                        high = first_z + number_z - last
-                walled = False
-                if WALLS:
-                    for c in range(row + low, row + high):
-                        walled |= has_walls[c] != 0
-                j = np.uint64(cell_start[row + low])
-                after = np.uint64(cell_start[row + high])
-                while j < after:
-                    number = min(after - j, batch)
-                    for q in range(number):
-                        other = j + np.uint64(q)
-                        at = other * dims
-                        dx = xi - position[at]
-                        if wraps:
-                            dx -= period[0] * nearest_whole(dx * inverse_period[0])
-                        r2 = dx * dx
-                        if DIM > 1:
-                            dy = yi - position[at + np.uint64(1)]
-                            if wraps:
-                                dy -= period[1] * nearest_whole(dy * inverse_period[1])
-                            r2 += dy * dy
-                        if DIM > 2:
-                            dz = zi - position[at + np.uint64(2)]
-                            if wraps:
-                                dz -= period[2] * nearest_whole(dz * inverse_period[2])
-                            r2 += dz * dz
-                        if not UNIFORM:
-                            reach = 0.5 * (support[i] + support[other]) + skin
-                        beyond[put + np.uint64(q)] = r2 - reach * reach
-                    if WALLS and walled:
-                        for q in range(number):
-                            other = j + np.uint64(q)
-                            near = (beyond[put + np.uint64(q)] < 0.0) & (other != i)
-                            wall = is_wall[other] != 0
-                            neighbours[min(k, limit)] = other
-                            neighbours[max(back, begin)] = other
-                            k += near & (not wall)
-                            back -= near & wall
-                    else:
-                        for q in range(number):
-                            other = j + np.uint64(q)
-                            neighbours[min(k, limit)] = other
-                            k += (beyond[put + np.uint64(q)] < 0.0) & (other != i)
-                    j += number
-    number_of_walls = limit - back
-    found[i] = k - begin + number_of_walls
-    start[i], split[i], stop[i] = begin, min(k, limit), min(k + number_of_walls, limit)
-    if WALLS and k <= back:  # the row is whole: they are turned round and follow the others
-        first = back + 1
-        for q in range(number_of_walls // 2):
-            neighbours[first + q], neighbours[limit - q] = (
-                neighbours[limit - q],
-                neighbours[first + q],
-            )
-        for q in range(number_of_walls):
-            neighbours[k + q] = neighbours[first + q]
-
-
 @particle_loop
 def wrap_positions(i, x, image, lower, period, inverse_period, *, DIM):
     """Bring x back between lower and lower + period on periodic axes; ``image`` counts turns."""
@@ -204,6 +67,8 @@ class NeighbourList:
         Where loops run.
     domain
         The simulated box.
+    particles
+        Whose neighbours they are.
     support
         Largest support of a particle, in m.
     skin
@@ -222,13 +87,15 @@ class NeighbourList:
         minimum image has to be taken.
     builds
         How often the list was built.
+    renewals
+        How often arrays were made anew: who holds some has to look them up again.
     """
 
     def __init__(
         self,
         device: Device,
         domain: Domain,
-        particles: int,
+        particles: Particles,
         support: float,
         skin: float,
         lower: np.ndarray,
@@ -237,7 +104,8 @@ class NeighbourList:
         walls: bool,
     ):
         self.device, self.domain, self.skin, self.support = device, domain, skin, support
-        dim, n = domain.dim, particles
+        self.particles = particles
+        dim, n = domain.dim, len(particles)
         self.constants = {"DIM": dim, "UNIFORM": bool(uniform), "WALLS": bool(walls)}
         width = support + skin
         lengths = upper - lower
@@ -245,7 +113,8 @@ class NeighbourList:
         self.n, self.number_of_cells = n, int(np.prod(cells))
         self.narrowest = float((lengths / cells)[cells > 1].min(initial=np.inf))
         reals, array = device.zeros, device.array
-        self.fields = {
+        self.fields: dict[str, Any] = _Parts()
+        self.fields |= {
             "lower": array(lower),
             "inverse_cell": array(cells / lengths),
             "cells": array(cells),
@@ -255,11 +124,6 @@ class NeighbourList:
             "cell": device.zeros(n, np.int32),
             "has_walls": device.zeros(self.number_of_cells, np.uint8),
             "cell_start": device.zeros(self.number_of_cells + 1, np.int64),
-            "start": device.zeros(n, np.int64),
-            "split": device.zeros(n, np.int64),
-            "stop": device.zeros(n, np.int64),
-            "found": device.zeros(n, np.int64),
-            "crosses": device.zeros(n, np.uint8),
             "cell_width": array(lengths / cells),
             "x_built": reals((n, dim)),
             "low": reals((self.number_of_cells, dim), np.float64),
@@ -267,15 +131,16 @@ class NeighbourList:
             "largest": reals(self.number_of_cells, np.float64),
             "closed": device.zeros(self.number_of_cells, np.uint8),
             "most_moved": (SAFETY * skin) ** 2,
-            "beyond": batch_buffer(device, n),
             "least_apart": (support + (1.0 - SAFETY) * skin) ** 2,
         }
         self.order, self._first_of_cell = (
             np.zeros(n, np.int64),
             np.zeros(len(self.cell_start), np.int64),
         )
-        self.capacity = 0
-        self.builds = 0
+        self.capacity = self.builds = self.renewals = 0
+        self._clusters = Clusters(self, lengths) if device.backend == "cpu" else None
+        if self._clusters is not None:
+            self.fields |= self._clusters.fields
         bind, f, only = device.bind, self.fields, {"DIM": dim}
         self._wrap = bind(wrap_positions, f, **only)
         self._assign = bind(assign_cells, f, **only)
@@ -289,15 +154,32 @@ class NeighbourList:
         except KeyError:
             raise AttributeError(name) from None
 
+    def want(self, part: str) -> None:
+        """Make ``"rows"`` from now on, of the present list too if there is one.
+
+        They follow from the positions at its build: when they are asked for makes no difference.
+        ``"clusters"`` are there, on CPUs.
+        """
+        if part == "rows" and not self.capacity:
+            n, zeros = self.n, self.device.zeros
+            self.fields |= {
+                name: zeros(n, np.int64) for name in ("start", "split", "stop", "found")
+            }
+            self.fields |= {"crosses": zeros(n, np.uint8), "beyond": batch_buffer(self.device, n)}
+            self.fields["ends"] = batch_buffer(self.device, n, dtype=np.int64)
+            self._reserve(32)
+            if self.builds:
+                self._fill_rows()
+
     def build(self, particles: Particles) -> None:
-        """Wrap positions into the domain, sort all fields into cell order and fill the rows."""
+        """Wrap positions into the domain, sort all fields into cell order and list neighbours."""
         self._wrap(self.n, particles["x"], particles["image"])
         self.device.copy(particles["x"], self.x_built)
         self._make(particles)
         self.builds += 1
 
     def _make(self, particles: Particles) -> None:
-        """Sort all fields and fill the rows by the positions ``x_built``."""
+        """Sort all fields and list neighbours by the positions ``x_built``."""
         n, x, host = self.n, self.x_built, self.device.to_host
         self._assign(n, x)
         counting_sort(host(self.cell), host(particles["id"]), self._first_of_cell, self.order)
@@ -306,10 +188,13 @@ class NeighbourList:
         self._assign(n, x)
         if self.constants["WALLS"]:
             self._find_walls(self.number_of_cells, particles["is_wall"])
-        if self.capacity == 0:
-            self._reserve(32)
-        while not self._fill(particles):
-            pass
+        if self._clusters is not None and self._clusters.build(self.x_built):
+            self.fields |= self._clusters.fields
+            self.renewals += 1
+            if self.capacity:
+                self._bind_rows()
+        if self.capacity:
+            self._fill_rows()
 
     def needs_build(self, x, v, dt: float) -> bool:
         """Whether a pair outside the list may be within its support after a move by ``dt v``."""
@@ -353,20 +238,34 @@ class NeighbourList:
 
     def _reserve(self, capacity: int) -> None:
         self.capacity = capacity
+        self.renewals += 1
         self.fields["neighbours"] = self.device.zeros(self.n * capacity + 1, np.uint32)
-        numbers = {"skin": self.skin, "capacity": capacity}
-        self._find = self.device.bind(
-            find_neighbours,
-            {**self.fields, **numbers},
-            **self.constants,
-            BATCH=batch_size(self.device),
-        )
+        self._bind_rows()
 
-    def _fill(self, particles: Particles) -> bool:
-        position = self.x_built.reshape(self.n * self.domain.dim)
-        self._find(self.n, position, particles["support"], particles["is_wall"])
-        needed = int(self.device.to_host(self.found).max(initial=0)) + 1
-        if needed <= self.capacity:
-            return True
-        self._reserve(int(needed * 1.15) + 4)
-        return False
+    def _bind_rows(self) -> None:
+        given = {**self.fields, "skin": self.skin, "capacity": self.capacity}
+        options = {**self.constants, "BATCH": batch_size(self.device)}
+        if self._clusters is None:
+            self._find = self.device.bind(find_neighbours, given, **options)
+            return
+        options.pop("WALLS")
+        self._rows = self.device.bind(rows_of_cluster, {**self._clusters.own, **given}, **options)
+
+    def _fill_rows(self) -> None:
+        p, position = self.particles, self.x_built.reshape(self.n * self.domain.dim)
+        while True:
+            if self._clusters is None:
+                self._find(self.n, position, p["support"], p["is_wall"])
+            else:
+                self._rows(self._clusters.number)
+            needed = int(self.device.to_host(self.found).max(initial=0)) + 1
+            if needed <= self.capacity:
+                return
+            self._reserve(int(needed * 1.15) + 4)
+
+
+class _Parts(dict):
+    """Arrays by name; those of a part of the list that was not asked for are missed in words."""
+
+    def __missing__(self, name: str) -> Any:
+        raise KeyError(f"{name}: unknown, or of a part of the list that nobody asked for (want)")

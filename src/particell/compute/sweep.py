@@ -6,6 +6,7 @@ The plan of the loop comes from giving the laws symbols; see :mod:`particell.com
 from __future__ import annotations
 
 import copy
+import functools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -13,9 +14,11 @@ from typing import Any
 import numpy as np
 
 from particell.compute.batches import BATCH, batch_rows
+from particell.compute.bins import LANES
 from particell.compute.composer import Generated, source_of
 from particell.compute.device import Device
 from particell.compute.expressions import Node, Symmetric, Vector, components, symbol
+from particell.compute.forms import form_of
 from particell.compute.generated import load
 from particell.compute.plan import Pass, Plan, Result, sum_symbols
 from particell.errors import InputError, unknown_name
@@ -108,6 +111,10 @@ class Sweep:
         InputError
             Where a law reads or adds what there is not.
         """
+        return self._plan
+
+    @functools.cached_property
+    def _plan(self) -> Plan:
         dim = self.names.dim
         laws = self._with_symbols()
         me = Side(self.names, "i")
@@ -195,9 +202,19 @@ class Sweep:
         """Fields of the particle that are written; what is kept of pairs is in ``stored``."""
         return tuple(sorted(self.plan().results))
 
+    def form_on(self, device: Device) -> str:
+        """The form that runs on a device."""
+        return form_of(self.plan(), device.backend, device.form)
+
     def source(self, form: str = "gather") -> Generated:
         """The generated loops' text and sizes."""
-        return source_of(self.plan(), form)
+        if form not in self._sources:
+            self._sources[form] = source_of(self.plan(), form)
+        return self._sources[form]
+
+    @functools.cached_property
+    def _sources(self) -> dict[str, Generated]:
+        return {}
 
     def bind(
         self,
@@ -217,34 +234,35 @@ class Sweep:
         scratch
             Records and columns that sweeps share, since one runs after the other.
         form
-            ``"gather"`` or ``"cuda"``; that of the device where it is left out.
+            ``"gather"``, ``"lanes"`` or ``"cuda"``; that of the device where it is left out.
 
         Returns
         -------
         callable
             ``f(n, **numbers)``.
         """
-        form = form or ("gather" if device.backend == "cpu" else "cuda")
+        form = form or self.form_on(device)
         made = self.source(form)
         module = load(self.name, made.text, made.functions)
-        n = len(fields["start"])
-        width = BATCH * batch_rows(device, n)
-        sizes = {
-            "record": n * made.record,
-            "columns": made.columns * width,
-            "whole_columns": made.whole_columns * width,
-        }
-        for name, size in sizes.items():
+        lanes = form == "lanes"
+        n = len(fields["member" if lanes else "start"])
+        rows = batch_rows(device, n)
+        kind: Any = np.float64 if self.exact else device.real
+        sizes: dict[str, tuple[int, Any]] = {"record": (n * made.record, kind)}
+        if lanes:
+            sizes["lanes"] = (made.columns * LANES * rows, np.float64)
+        else:
+            sizes["columns"] = (made.columns * BATCH * rows, kind)
+            sizes["whole_columns"] = (made.whole_columns * BATCH * rows, np.int64)
+        for name, (size, kind) in sizes.items():
             if name not in scratch or len(scratch[name]) < size:
-                kind: Any = np.float64 if self.exact else device.real
-                if name == "whole_columns":
-                    kind = np.int64
                 scratch[name] = device.zeros(max(1, size), kind)
-        arrays = {**fields, **scratch}
+        arrays = {**fields, **scratch, "octets": np.uint64(1)}
         arrays |= {argument: fields[name] for argument, name in made.renamed.items()}
         names = (f"pack_{self.name}", self.name)
         loops = [getattr(module, name) for name in names if hasattr(module, name)]
-        return _Bound(self, device, loops, arrays)
+        numbers = (n, n // LANES) if lanes else (None,) * len(loops)
+        return _Bound(self, device, loops, arrays, numbers)
 
 
 def _asked(law: Law, method: str, *given: Any) -> Mapping[str, Any]:
@@ -289,19 +307,24 @@ class _Bound:
     """Loops that run one after the other, with numbers given at every call."""
 
     def __init__(
-        self, sweep: Sweep, device: Device, loops: Sequence[Any], arrays: Mapping[str, Any]
+        self,
+        sweep: Sweep,
+        device: Device,
+        loops: Sequence[Any],
+        arrays: Mapping[str, Any],
+        lengths: Sequence[int | None],
     ):
         self.own = sweep.numbers if sweep.numbers() else None
         self.parts = [
-            (device.bind(loop, arrays), [a for a in loop.arguments if a not in arrays])
-            for loop in loops
+            (device.bind(loop, arrays), [a for a in loop.arguments if a not in arrays], length)
+            for loop, length in zip(loops, lengths, strict=True)
         ]
 
     def __call__(self, n: int, **numbers: Any) -> None:
         if self.own is not None:  # as the laws have them now
             numbers |= self.own()
-        for run, missing in self.parts:
-            run(n, *(numbers[name] for name in missing))
+        for run, missing, length in self.parts:
+            run(n if length is None else length, *(numbers[name] for name in missing))
 
 
 def _like(value: Any, parts: tuple[Node, ...], dim: int) -> Any:

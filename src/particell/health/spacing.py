@@ -83,6 +83,7 @@ class Spacing:
     def measure(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Closest neighbour in spacings, filled part and neighbours of the fluid, each (n,)."""
         s = self.simulation
+        s.neighbours.want("rows")
         fields = {**s.particles.fields, **s.neighbours.fields, **self._own}
         code = kernel_code(s.scheme.kernel)
         s.device.bind(surroundings, fields, DIM=s.domain.dim, KERNEL=code)(len(s.particles))

@@ -88,6 +88,7 @@ class Carriage(Operation):
 
     def __call__(self, state: State) -> None:
         """Carry all species during a time step."""
+        state.neighbours.want("rows")
         rows = state.neighbours.fields["neighbours"]
         if self._rows is not rows:  # those of the neighbour list are new
             self._rows = rows

@@ -155,6 +155,7 @@ class Walls(Operation):
     def _bind(self) -> None:
         """Look up arrays again where those of the neighbour list are new."""
         s = self.state
+        s.neighbours.want("rows")
         listed = s.neighbours.fields["neighbours"]
         if self._rows is listed:
             return
@@ -169,7 +170,7 @@ class Walls(Operation):
             uniform = bool(s.neighbours.constants["UNIFORM"])
             sweep = measure_walls(options["DIM"], options["KERNEL"], uniform)
             fields = {**s.neighbours.fields, **s.particles.fields, **more}
-            self._measure = sweep.bind(s.device, fields, self._scratch)
+            self._measure = sweep.bind(s.device, fields, self._scratch, "gather")
         if self.bounces:
             self._bounce_back = s.bind(bounce_back, more, **options)
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from particell.boundaries.wall_friction import FREE, ISOTROPIC, TENSOR
+from particell.compute.forms import LISTS
 from particell.compute.philox import PAIR_NOISE, stream_key
 from particell.compute.sweep import Sweep
 from particell.errors import InputError
@@ -28,16 +29,17 @@ from particell.sources.source import Names
 from particell.state import State
 
 #: Names that laws, loops and frames use for something else, also where there is no such thing.
-RESERVED = {
-    "time",
+RESERVED = {"time", "step", "inverse_dt", "half_step", "lead", "position", "velocity", "index"}
+RESERVED |= {
     "field_lead",
-    "step",
-    "inverse_dt",
-    "half_step",
-    "lead",
-    "position",
-    "velocity",
-    "index",
+    "member",
+    "lanes",
+    "octets",
+    "shifts",
+    "start",
+    "split",
+    "stop",
+    "neighbours",
 }
 RESERVED |= {"dim", "side", "names", "replace", "field", "record", "columns", "whole_columns"}
 RESERVED |= {"specific_volume", "pressure_over_square", "v_ahead", "own_kernel", "transport"}
@@ -121,7 +123,10 @@ class Flow:
     def bound(self, sweep: Sweep, **more: Any) -> Any:
         """A sweep over the particles and the list that there are now, and ``more`` arrays."""
         tables = tables_of(self.properties.tables, self.properties.fluids)
-        return sweep.bind(self.state.device, {**self.fields(more), **tables}, self._scratch)
+        form = sweep.form_on(self.state.device)
+        self.state.neighbours.want(LISTS[form])
+        given = {**self.fields(more), **tables}
+        return sweep.bind(self.state.device, given, self._scratch, form)
 
     def sweeps(self) -> FlowSweeps:
         """The descriptions of the sweeps, of the fields that there are now."""

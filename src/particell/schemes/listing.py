@@ -32,7 +32,8 @@ def describe(simulation: Simulated, written: bool = False, exchange: bool = Fals
     of the particle, and written.
     """
     for name, sweep in sweeps_of(simulation).items():
-        made = sweep.source()
+        form = sweep.form_on(simulation.device)
+        made = sweep.source(form)
         yield f"{name}: {', '.join(sweep.writes())}"
         width = max(len(type(law).__name__) for law in sweep.laws)
         for law in sweep.laws:
@@ -44,7 +45,7 @@ def describe(simulation: Simulated, written: bool = False, exchange: bool = Fals
             yield f"  of neighbours: {', '.join(sweep.reads_of_neighbours())}"
             yield f"  of the particle: {', '.join(sweep.reads())}"
             yield f"  written: {', '.join(sweep.writes())}"
-        yield f"  ({made.record} numbers of a neighbour, {made.columns} columns)"
+        yield f"  ({form}: {made.record} numbers of a neighbour, {made.columns} columns)"
 
 
 def first_line(law: Law) -> str:
@@ -63,4 +64,5 @@ def generated(simulation: Simulated, name: str) -> list[str]:
     sweeps = sweeps_of(simulation)
     if name not in sweeps:
         raise unknown_name("sweep", name, sweeps)
-    return sweeps[name].source().text.splitlines()
+    sweep = sweeps[name]
+    return sweep.source(sweep.form_on(simulation.device)).text.splitlines()

@@ -75,7 +75,7 @@ class Solver:
         self._done = lambda: None
         self._sweeps: dict[str, Any] = {}
         self._described: dict[str, Sweep] = {}
-        self._rows: Any = None
+        self._renewals = 0
 
     @property
     def flow(self) -> Flow:
@@ -122,6 +122,11 @@ class Solver:
         found |= {s.name: s for stage in self.first for s in stage.sweeps(self.flow)}
         return list(found.values())
 
+    def forms(self) -> dict[str, str]:
+        """The forms that sweeps run in, by name."""
+        device = self.state.device
+        return {sweep.name: sweep.form_on(device) for sweep in self.descriptions()}
+
     def bound(self, stages: Sequence[Stage]) -> list[Run]:
         """Stages as calls, without those that have nothing to do."""
         if self._flow is not None:
@@ -131,9 +136,9 @@ class Solver:
 
     def renewed(self) -> None:
         """Bind sweeps again where arrays of the neighbour list are new (grown, restored)."""
-        listed = self.state.neighbours.fields["neighbours"]
-        if self._rows is not listed:
-            self._rows = listed
+        renewals = self.state.neighbours.renewals
+        if self._renewals != renewals:
+            self._renewals = renewals
             self._sweeps.clear()
 
     # --- what it does ----------------------------------------------------------------------------

@@ -18,7 +18,7 @@ alone.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -26,10 +26,7 @@ from particell.compute.batches import batch_buffer
 from particell.compute.bins import LANES, SLOT_BITS, assign_bins, find_clusters, place_slots
 from particell.compute.cells import counting_sort
 from particell.errors import InputError
-
-if TYPE_CHECKING:
-    from particell.compute.neighbours import NeighbourList
-    from particell.particles import Particles
+from particell.particles import Particles
 
 #: Bins along a column for a cluster that is as long as wide.
 BINS = 4
@@ -56,7 +53,7 @@ class Clusters:
         Of clusters.
     """
 
-    def __init__(self, neighbours: NeighbourList, lengths: np.ndarray):
+    def __init__(self, neighbours: Any, lengths: np.ndarray):
         self.device, self.particles = neighbours.device, neighbours.particles
         device, domain, particles = self.device, neighbours.domain, self.particles
         fields, n, dim = neighbours.fields, neighbours.n, domain.dim

@@ -49,7 +49,6 @@ SAFETY = 0.9
 
 
 @particle_loop
-@particle_loop
 def wrap_positions(i, x, image, lower, period, inverse_period, *, DIM):
     """Bring x back between lower and lower + period on periodic axes; ``image`` counts turns."""
     for d in range(DIM):

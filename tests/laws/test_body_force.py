@@ -54,7 +54,7 @@ def test_it_limits_the_automatic_step():
     [
         (lambda: pc.BodyForce(3.0), "acceleration"),
         (lambda: still(pc.BodyForce(lambda x, y, t: (1.0,))).start(), "one for each dimension"),
-        (lambda: still(pc.BodyForce(lambda x, y, t: (math_cos(t), 0.0))), "BodyForce.finish"),
+        (lambda: still(pc.BodyForce(lambda x, y, t: (math_cos(t), 0.0))), "BodyForce.largest_step"),
         (
             lambda: pc.Simulation(
                 pc.Domain((0, 0), (8, 8), periodic="xy"),

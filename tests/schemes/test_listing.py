@@ -264,8 +264,8 @@ def test_a_field_that_a_law_reads_of_neighbours_is_known_without_a_word():
 
     before, after = forces(), forces(Drawn())
     for what, more in (
-        ("reads_of_neighbours", {"its"}),
-        ("reads", {"mine", "last"}),
+        ("reads_of_neighbours", {"its", "its_rate"}),  # fields are seen half a step on
+        ("reads", {"mine", "mine_rate", "last", "last_rate"}),
         ("writes", set()),
     ):
         old, new = (set(getattr(sweep, what)()) for sweep in (before, after))

@@ -179,6 +179,13 @@ CLAIMS: dict[str, list[Claim]] = {
     "WallMeasure": [
         Claim(_plain, {"wall_fraction": "", "wall_distance": "m", "wall_direction": ""})
     ],
+    "BodyForce": [
+        Claim(
+            lambda law: law(lambda *given: [x / (given[-1] * given[-1]) for x in given[:-1]]),
+            FORCE,
+            anywhere=False,
+        )
+    ],
     "Weight": [Claim(_plain, FORCE), Claim(lambda law: law(buoyancy=True), FORCE)],
     # docs/
     "Cohesion": [Claim(lambda law: law(1.5), FORCE, MOMENTUM, numbers={"strength": "N/m^6"})],
@@ -187,10 +194,21 @@ CLAIMS: dict[str, list[Claim]] = {
         Claim(
             lambda law: law(0.3, 0.7),
             FORCE,
-            numbers={"amplitude": "m/s^2", "frequency": "1/s"},
+            numbers={"amplitude": "N/m^3", "frequency": "1/s"},
             dims=(2,),
         )
     ],
+    "Rolls": [
+        Claim(
+            lambda law: law(0.3, 5.0),
+            FORCE,
+            anywhere=False,
+            numbers={"amplitude": "m/s^2", "length": "m"},
+            dims=(2,),
+        )
+    ],
+    "Tabulated": [Claim(lambda law: law(1.5), FORCE, MOMENTUM, numbers={"strength": "N"})],
+    "Spring": [Claim(lambda law: law(1.5), FORCE, MOMENTUM, numbers={"stiffness": "N/m^7"})],
     "Conduction": [
         Claim(
             lambda law: law(1.5),

@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import os
 import signal
+from dataclasses import dataclass
 
 import numpy as np
 
 import particell as pc
 from particell.ensemble import realisation_seed
+from particell.recipe import Context, Recipe
 
 NUMBER, SPACING, DIFFUSIVITY = 12, 1.0, 0.1
 FORWARD, BACKWARD, UNTIL, EVERY = 0.7, 0.3, 2.0, 0.5
@@ -37,6 +39,20 @@ def build(seed: int, shift: float = 0.0) -> pc.Simulation:
     expected = MEAN * (1 + 0.5 * np.cos(WAVE * simulation.particles.host("x")[:, 0]))
     simulation.chemistry.set_count("A", np.random.default_rng(seed).poisson(expected))
     return simulation
+
+
+@dataclass(frozen=True)
+class Line(Recipe):
+    """The line as a recipe that is no case."""
+
+    shift: float = 0.0
+    name, title, until, every = "line", "A line of particles", UNTIL, EVERY
+
+    def identity(self) -> dict[str, float]:
+        return {"shift": self.shift}
+
+    def build(self, context: Context) -> pc.Simulation:
+        return build(context.seed, self.shift)
 
 
 def exact(x: np.ndarray, time: float) -> tuple[np.ndarray, np.ndarray]:

@@ -211,7 +211,8 @@ def test_validate_goes_on_after_what_fails(capsys, tmp_path, monkeypatch):
     assert "did not finish" in page and "**no**" in page
     went_on = []
     monkeypatch.setattr(
-        "particell.cases.execution.resume", lambda place, progress: went_on.append(place.name) or 0
+        "particell.cases.directories.resume",
+        lambda place, progress: went_on.append(place.name) or 0,
     )
     assert particell("validate all --full --out v") == 2
     assert went_on == ["break_at-3"]

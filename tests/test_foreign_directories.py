@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 
 from particell import cases
-from particell.cases.execution import execute, read_case, replot, resume
+from particell.cases.directories import read_case, replot, resume
+from particell.cases.ensembles import read_ensemble
+from particell.cases.execution import execute
 from particell.cli import call
 from particell.ensemble import Ensemble
 from particell.errors import InputError, Interrupted
@@ -91,7 +93,7 @@ def test_a_case_of_ones_own_goes_on_where_the_user_names_it(place, capsys):
     assert "--case" in refused(capsys, "plot several")
     assert call(shlex.split("plot several --case fake_case:Walk")) == 0
     with pytest.raises(InputError, match="--case"):
-        Ensemble.read("several")
+        read_ensemble("several")
 
 
 @pytest.mark.parametrize("text", ["[" * 100_000, '{"description": [], "seed": 1, "runs": 1}'])

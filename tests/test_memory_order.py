@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from particell.boundaries.mean_velocity import MeanVelocity
 from particell.boundaries.sponge import Sponge
 from particell.chemistry.reactions import Reaction
 from particell.chemistry.species import Species
 from particell.geometry.domain import Domain
+from particell.laws.buoyancy import Buoyancy
 from particell.phases import Phase, box_walls, channel_walls, fluid
 from particell.schemes.sdpd import SDPD
 from particell.schemes.transport_velocity import TransportVelocity
@@ -47,19 +49,26 @@ def noisy(sides):
         SDPD(fluctuations=True, density="summation"),
         SPECIES if flat else (),
         [Reaction("few <-> many", 0.5, 0.5), Reaction("dye -> few", 1e-23)] if flat else (),
-        [Sponge(1.0, 4.0, 0.5, target, {"dye": 2.0, "many": 1e-22} if flat else {})],
+        [
+            Sponge(1.0, 4.0, 0.5, target, {"dye": 2.0, "many": 1e-22} if flat else {}),
+            MeanVelocity(0.5, axis=0),
+        ],
         seed=3,
     )
 
 
 def transported(sides):
-    """Transport velocity in a closed box, whose volume is kept, with species that are carried."""
+    """Transport velocity in a closed box, whose volume is kept.
+
+    Species are carried, and one is heavy.
+    """
     domain = Domain((0,) * len(sides), sides, depth=1.0)
     return Simulation(
         domain,
         [jittered(domain, unit_fluid()), *box_walls(domain, unit_fluid(), 1.0)],
         TransportVelocity(),
         SPECIES,
+        forces=[Buoyancy("dye", 0.1, (0.0, -1.0))],
         seed=3,
     )
 

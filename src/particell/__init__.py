@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from particell.geometry.domain import Domain
     from particell.geometry.fill import jittered, lattice, packed, rings, shells
     from particell.geometry.shapes import Ball, Box, Circle, HalfSpace, Sphere
+    from particell.laws.body_force import BodyForce
     from particell.laws.buoyancy import Buoyancy
     from particell.laws.law import Law
     from particell.materials import Fluid
@@ -54,6 +55,7 @@ if TYPE_CHECKING:
 
 _HOME = {
     "Ball": "geometry.shapes",
+    "BodyForce": "laws.body_force",
     "Box": "geometry.shapes",
     "Buoyancy": "laws.buoyancy",
     "Circle": "geometry.shapes",
@@ -110,6 +112,7 @@ _HOME = {
 __all__ = [
     "SDPD",
     "Ball",
+    "BodyForce",
     "Box",
     "Buoyancy",
     "Circle",

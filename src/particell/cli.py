@@ -176,10 +176,10 @@ def schema() -> int:
 @run_options
 def ensemble(case: str, settings: tuple[str, ...], out: Path | None, **options: Any) -> int:
     """Run many realisations of a case, each with a seed of its own and one thread."""
-    from particell.ensemble import command
+    from particell.cases import ensembles
 
     instance = described_case(case, settings)
-    return command.run(instance, out or Path("out") / f"{instance.name}-runs", **options)
+    return ensembles.run(instance, out or Path("out") / f"{instance.name}-runs", **options)
 
 
 @cli.command()
@@ -188,12 +188,12 @@ def ensemble(case: str, settings: tuple[str, ...], out: Path | None, **options: 
 @click.option("--progress/--no-progress", default=True, help="Show a progress bar.")
 def resume(directory: Path, progress: bool, kind: str | None) -> int:
     """Go on with the run or the ensemble in DIRECTORY from its last checkpoints."""
-    from particell.cases import execution
-    from particell.ensemble import command, is_ensemble
+    from particell.cases import directories, ensembles
+    from particell.ensemble import is_ensemble
 
     if is_ensemble(directory):
-        return command.resume(directory, progress, kind)
-    return guarded(directory, lambda: execution.resume(directory, progress, kind))
+        return ensembles.resume(directory, progress, kind)
+    return guarded(directory, lambda: directories.resume(directory, progress, kind))
 
 
 @cli.command()
@@ -201,10 +201,10 @@ def resume(directory: Path, progress: bool, kind: str | None) -> int:
 @own_case
 def plot(directory: Path, kind: str | None) -> int:
     """Draw the figures of the run or the ensemble in DIRECTORY again."""
-    from particell.cases.execution import replot
-    from particell.ensemble import command, is_ensemble
+    from particell.cases import directories, ensembles
+    from particell.ensemble import is_ensemble
 
-    draw = command.plot if is_ensemble(directory) else replot
+    draw = ensembles.plot if is_ensemble(directory) else directories.replot
     for path in draw(directory, kind):
         click.echo(path)
     return 0
@@ -289,7 +289,7 @@ def _text(name: str | bytes) -> str:
 def described_case(case: str, settings: Sequence[str]) -> Case:
     """The case of a name or a TOML file, with the settings of the command line."""
     from particell import cases
-    from particell.cases.execution import read_case_file, with_settings
+    from particell.cases.files import read_case_file, with_settings
 
     if case.endswith(".toml"):
         kind, parameters = read_case_file(case)

@@ -6,7 +6,9 @@ import numpy as np
 
 from particell.errors import RunError
 from particell.fields import GIVEN, LOCAL, STATE, Field
+from particell.schemes.flow import Flow
 from particell.state import State
+from particell.suspects import suspects
 
 
 class Monitor:
@@ -16,12 +18,12 @@ class Monitor:
     ----------
     state
         What is looked at.
-    at_rest
-        Whether particles never move, nor leave.
+    flow
+        What moves; None where particles are at rest, and never leave.
     """
 
-    def __init__(self, state: State, at_rest: bool):
-        self.state, self._at_rest = state, at_rest
+    def __init__(self, state: State, flow: Flow | None):
+        self.state, self._flow = state, flow
 
     def check(self) -> None:
         """Refuse to go on with a broken state.
@@ -58,7 +60,7 @@ class Monitor:
     def _check_places(self) -> None:
         domain, particles = self.state.domain, self.state.particles
         bounded = ~domain.periodic
-        if not bounded.any() or self._at_rest:
+        if not bounded.any() or self._flow is None:
             return
         x = particles.view("x")[:, bounded]
         h = particles.view("support")[:, None]
@@ -71,6 +73,8 @@ class Monitor:
         """Raise an error that names a row's particle."""
         s = self.state
         particle = int(s.particles.view("id")[row])
+        if self._flow is not None:
+            message += suspects(self._flow, field)
         raise RunError(message, step=s.step, time=s.clock.time, field=field, particle=particle)
 
     def fastest(self) -> int:

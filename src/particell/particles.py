@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from particell.compute.device import Device
+from particell.compute.philox import check_word
 from particell.errors import InputError, unknown_name
 from particell.fields import GIVEN, WORK, Field
 from particell.representation import block, span, table
@@ -55,6 +56,11 @@ class Particles:
     groups
         The groups, in the order of the field ``group``.
 
+    Raises
+    ------
+    InputError
+        Where they are too many for their ids (of 32 bits in random numbers).
+
     Notes
     -----
     Rows are kept in cell order and change places when neighbour lists are built, the first time at
@@ -63,6 +69,7 @@ class Particles:
     """
 
     def __init__(self, device: Device, n: int, dim: int, groups: list[Group]):
+        check_word("number of particles", n)
         self.device, self.n, self.dim, self.groups = device, n, dim, groups
         self.fields: dict[str, object] = {}
         self.declared: dict[str, Field] = {}

@@ -46,6 +46,7 @@ def description(simulation: Simulated) -> dict[str, str]:
         "domain": repr(s.domain),
         "materials": repr(s.materials),
         "scheme": scheme_text(s.scheme),
+        "forces": "" if s.static else "; ".join(f.described() for f in s.solver.flow.forces),
         "precision": str(s.device.real),
         "forms": repr(s.solver.forms()),
         "seed": repr(s.seed),
@@ -69,6 +70,7 @@ def restore(simulation: Restorable, state: dict[str, Any]) -> None:
     for part, text in state["description"].items():
         if now.get(part) != text:
             raise InputError(f"{part} of the checkpoint", text, f"as now: {now.get(part)}")
+    s.operations.check(state["operations"])
     same = set(fields) == set(s.particles) and all(
         values.shape == s.particles[name].shape for name, values in fields.items()
     )

@@ -22,6 +22,7 @@ from particell.compute.device import Device
 from particell.compute.philox import stream_key
 from particell.errors import InputError, RunError
 from particell.geometry.domain import Domain
+from particell.laws.body_force import BodyForce
 from particell.laws.buoyancy import Buoyancy
 from particell.monitor import Monitor
 from particell.observers import Stop
@@ -70,7 +71,7 @@ class Simulation:
         Reflecting surfaces, motions of walls, sponges, reservoirs, walls with fixed concentrations
         or fluxes, and boundaries of your own (:class:`~particell.operations.operation.Operation`).
     forces
-        :class:`~particell.laws.buoyancy.Buoyancy`.
+        :class:`~particell.laws.buoyancy.Buoyancy`, :class:`~particell.laws.body_force.BodyForce`.
     seed
         Of all random numbers: the same seed gives the same bits for any number of threads.
     dt
@@ -117,7 +118,7 @@ class Simulation:
         species: Sequence[Species] = (),
         reactions: Sequence[Reaction] = (),
         boundaries: Sequence[Boundary] = (),
-        forces: Sequence[Buoyancy] = (),
+        forces: Sequence[Buoyancy | BodyForce] = (),
         seed: int = 1,
         dt: float | str = "auto",
         device: Device | None = None,
@@ -137,11 +138,14 @@ class Simulation:
         flow_speed_ = flow_speed(domain, self.phases, scheme, boundaries)
         speed = with_noise(flow_speed_, self.phases, scheme, depth_factor)
         sound = default_sound_speed(domain, self.phases, scheme, depth_factor, flow_speed_)
+        laws = [force for force in forces if isinstance(force, BodyForce)]
+        if laws and self.static:
+            raise InputError("forces", laws, "no BodyForce with Static")
         self.device = device or Device()
         self.system = build_state(domain, self.phases, scheme, sound, self.device, seed)
         self.particles, self.neighbours = self.system.particles, self.system.neighbours
         self.materials = self.system.materials
-        flow = None if self.static else Flow(self.system, scheme)
+        flow = None if self.static else Flow(self.system, scheme, laws)
         self.walls = walls_of(self.system, scheme, boundaries)
         if flow is not None:
             flow.kept_volume.walls_move = bool(self.walls.motions)
@@ -164,13 +168,13 @@ class Simulation:
             )
         self.system.species = self.chemistry
         parts = (self.system, scheme, flow, self.walls, self.chemistry)
-        acting = operations_of(*parts, boundaries, forces, operations, observables or {})
+        carried = [force for force in forces if isinstance(force, Buoyancy)]
+        acting = operations_of(*parts, boundaries, carried, operations, observables or {})
         self.operations = Operations(self.system, acting)
         self.solver = Solver(self.system, scheme, flow, self.operations)
-        self.monitor = Monitor(self.system, self.static)
+        self.monitor = Monitor(self.system, flow)
         self.watch = health.Watch(self)
-        given = self.materials if flow is None else flow.properties.given
-        self.timing = TimeStep(self.system, scheme, self.chemistry, given, speed, dt)
+        self.timing = TimeStep(self.system, scheme, flow, self.chemistry, speed, dt)
         self.books = any(getattr(b, "values", getattr(b, "species", None)) for b in boundaries)
         self.resumed = False
         self.resumed_plan: dict | None = None

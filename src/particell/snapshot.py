@@ -170,6 +170,7 @@ def settings_of(simulation: Simulated) -> dict[str, Any]:
         "support": float(simulation.particles.host("support").max()),
         "skin": simulation.neighbours.skin,
         "dt": simulation.dt,
+        "largest_dt_by": simulation.timing.limited_by,
         "chemistry_every": simulation.chemistry_every,
         "sound_speed": [m.sound_speed for m in simulation.materials],
         "depth": simulation.system.depth,

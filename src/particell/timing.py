@@ -7,9 +7,10 @@ from typing import Any
 
 from particell.chemistry.engine import Chemistry
 from particell.errors import InputError
-from particell.materials import Fluid
+from particell.limits import Mobile, law_limits
 from particell.monitor import Monitor
-from particell.schemes.timestep import check_number_of_steps
+from particell.schemes.flow import Flow
+from particell.schemes.timestep import RULES, check_number_of_steps
 from particell.speeds import check_given_step, flow_limits
 from particell.state import State
 
@@ -27,10 +28,8 @@ class TimeStep:
 
     Parameters
     ----------
-    state, scheme, chemistry
-        What is simulated.
-    given
-        What particles of each group are given (:mod:`particell.schemes.summation`).
+    state, scheme, flow, chemistry
+        What is simulated; no flow where particles are at rest.
     speed
         Largest initial or expected speed in m/s.
     dt
@@ -48,28 +47,61 @@ class TimeStep:
         self,
         state: State,
         scheme: Any,
+        flow: Flow | None,
         chemistry: Chemistry | None,
-        given: list[Fluid],
         speed: float,
         dt: float | str,
     ):
-        self.state, self.scheme, self.chemistry = state, scheme, chemistry
+        self.state, self.scheme, self.chemistry, self.flow = state, scheme, chemistry, flow
         self.speed, self.automatic = speed, dt == "auto"
-        pairs = zip(given, state.particles.groups, strict=True)
-        self.materials = [m for m, g in pairs if g.kind == "fluid"] or given
+        self.materials = state.materials
+        if flow is not None:
+            given, groups = flow.properties.given, state.particles.groups
+            pairs = zip(given, groups, strict=True)
+            self.materials = [m for m, g in pairs if g.kind == "fluid"] or given
         self._support = float(state.particles.host("support").min())
+        self._take_law_limit()
         state.clock.dt = self.largest() if isinstance(dt, str) else float(dt)
         if not self.automatic:
             check_given_step(state.dt, self._support, self.materials, scheme, state.dim)
 
+    def limits(self, speed: float | None = None) -> dict[str, float]:
+        """The largest steps in s by what they come from, for a speed in m/s; by default ours.
+
+        What particles are given counts (:mod:`particell.schemes.summation`), not what was asked
+        for.
+        """
+        speed = self.speed if speed is None else speed
+        carried = self.chemistry.limits() if self.chemistry else {}
+        if self.flow is None:
+            return carried or {"nothing": 1.0}
+        flow = flow_limits(self._support, self.materials, self.scheme, speed, self.state.dim)
+        found = {name: min(getattr(f, name) for f in flow) for name in RULES}
+        diffusion = "diffusion of concentrations"  # which is explicit
+        if diffusion in carried:
+            found[diffusion] = carried[diffusion]
+        return found | self._of_laws()
+
+    def _of_laws(self) -> dict[str, float]:
+        """What laws of the user's allow, by their names."""
+        if self.flow is None or not self.flow.laws:
+            return {}
+        return law_limits(self.flow.laws, Mobile(self.flow))
+
+    def _take_law_limit(self) -> None:
+        """Let the flow know what laws of the user's allow: it decides how far fields lead."""
+        if self.flow is not None:
+            self.flow.law_limit = min(self._of_laws().values(), default=math.inf)
+
     def largest(self, speed: float | None = None) -> float:
         """The largest time step in s that the rules allow for a speed in m/s; by default ours."""
-        speed = self.speed if speed is None else speed
-        if self.scheme.at_rest:
-            limits = self.chemistry.limits() if self.chemistry else {}
-            return min(limits.values(), default=1.0)
-        flow = flow_limits(self._support, self.materials, self.scheme, speed, self.state.dim)
-        return min(*(found.smallest for found in flow), self._diffusive())
+        return min(self.limits(speed).values())
+
+    @property
+    def limited_by(self) -> str:
+        """What allows the smallest of the steps: a rule, or a law."""
+        limits = self.limits()
+        return min(limits, key=lambda name: limits[name])
 
     def _diffusive(self) -> float:
         """Largest step in s of the diffusion of concentrations, which is explicit."""
@@ -82,6 +114,7 @@ class TimeStep:
         if not (every > 0 and math.isfinite(every)):
             raise InputError("every", every, "positive")
         largest = self.largest() if self.automatic else clock.dt
+        self._take_law_limit()
         check_number_of_steps(largest, every)
         if largest > self._diffusive() * (1 + 1e-9):
             allowed = f"at most {self._diffusive():.3g} s (diffusion of concentrations)"
@@ -136,8 +169,11 @@ class TimeStep:
 
     def saved(self) -> dict[str, Any]:
         """What :meth:`restore` puts back."""
-        return {"speed": self.speed}
+        limit = self.flow.law_limit if self.flow else math.inf
+        return {"speed": self.speed, "law_limit": limit}
 
     def restore(self, saved: dict[str, Any]) -> None:
         """Go on for the speed that another run has reached."""
         self.speed = saved["speed"]
+        if self.flow is not None:
+            self.flow.law_limit = saved["law_limit"]

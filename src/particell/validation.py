@@ -22,7 +22,7 @@ from typing import Any
 import click
 
 from particell import cases
-from particell.cases import execution
+from particell.cases import directories, execution
 from particell.cases.base import Case, Metric
 from particell.errors import InputError
 from particell.output.files import prepare_directory, read_json, replacing, write_json
@@ -217,7 +217,7 @@ def run_row(row: Row, place: Path, overwrite: bool, **options: Any) -> int:
             click.echo(f"{execution.metrics_table(metrics)}\nfinished before, in {place}")
             return 0 if all(m.passed for m in metrics.values()) else 1
         if (place / CHECKPOINT).is_file():
-            return execution.resume(place, progress=options.get("progress", True))
+            return directories.resume(place, progress=options.get("progress", True))
     prepare_directory(place, *OWN_FILES)
     write_json(place / MARK, mark)
     return execution.execute(case, place, overwrite=True, **options)

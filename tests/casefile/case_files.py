@@ -10,7 +10,7 @@ from typing import Any
 
 from particell.casefile.case import FileCase
 from particell.casefile.starting import starting_text
-from particell.cases.execution import with_settings
+from particell.cases.files import with_settings
 
 
 def small() -> dict[str, Any]:

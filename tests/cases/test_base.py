@@ -5,7 +5,9 @@ from typing import Annotated, Literal
 import pytest
 from pydantic import Field, model_validator
 
+from particell.cases import CASES, recorded
 from particell.cases.base import Case, Length, Metric, Quantity, Time
+from particell.cases.poiseuille import Poiseuille
 from particell.errors import InputError
 
 
@@ -101,6 +103,16 @@ def test_a_case_must_say_what_it_is():
 
     with pytest.raises(TypeError):
         Case()
+
+
+def test_identity_names_the_class_of_what_is_not_the_programs_own():
+    own = Poiseuille(resolution=12).identity()
+    assert own["case"] == "poiseuille" and own["class"] is None
+    assert own["parameters"]["resolution"] == 12
+    assert recorded("poiseuille", None) is Poiseuille
+    assert Example().identity()["class"] == f"{__name__}:Example"
+    # that a name is enough for the program's own holds for all of them
+    assert all(reference.startswith("particell.cases.") for reference, _ in CASES.values())
 
 
 def test_metric():

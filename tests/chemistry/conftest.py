@@ -14,6 +14,7 @@ from particell.chemistry.engine import Chemistry
 from particell.compute.device import Device
 from particell.compute.neighbours import NeighbourList
 from particell.compute.threads import set_threads
+from particell.fields import Field
 from particell.geometry.domain import Domain
 from particell.particles import Group, Particles
 
@@ -56,7 +57,8 @@ class Lattice:
             particles.set("is_wall", is_wall.astype(np.uint8))
         for name, values in self.walls.items():
             given = np.asarray(values(x), float)
-            particles.add(name, given.shape[1] if given.ndim > 1 else 0, values=given)
+            components = given.shape[1] if given.ndim > 1 else 0
+            particles.add(Field(name, components=components), given)
         reach = self.support * dx
         neighbours = NeighbourList(
             device,

@@ -72,6 +72,29 @@ def test_walkers_have_the_law_exp_tau_k(lattice, regime):
     assert abs(chem.jumps - mean) < 0.1 * mean
 
 
+@pytest.mark.usefixtures("always_shared")
+@pytest.mark.parametrize("regime", REGIMES)
+def test_same_molecules_for_any_threads_and_order_in_memory(lattice, regime):
+    """Residents and those that come from a reservoir."""
+    found = []
+    box = lattice(side=8, disturb=0.2, groups=(FLUID, SOURCE), group_of=in_source)
+    given = np.random.default_rng(1).integers(0, 400, 64)
+    volume = (1e-5 / 8) ** 2 * 1e-6 * AVOGADRO
+    for threads in range(1, min(3, numba.config.NUMBA_NUM_THREADS) + 1):
+        set_threads(threads)
+        boundaries = [Reservoir("source", {"M": 200 / volume})]
+        species = [Species("M", KAPPA, molecules=True)]
+        chem = make(box, species, boundaries=boundaries, regime=regime)
+        chem.particles.permute(np.random.default_rng(threads).permutation(64))
+        chem.neighbours.build(chem.particles)
+        chem.set_count("M", given, by_id=True)
+        for step in range(3):
+            chem.step(step, 1.5 / rate_matrix(chem).sum(axis=1).max())
+        found.append((chem.jumps, chem.particles.by_id("count").tolist()))
+    assert found[0][0] > 10_000
+    assert all(each == found[0] for each in found)
+
+
 @pytest.mark.parametrize("regime", REGIMES)
 def test_many_molecules_are_multinomial(lattice, regime):
     """Covariance N (δ p - p p) of molecules that start together."""

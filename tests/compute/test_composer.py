@@ -61,6 +61,13 @@ def test_a_node_has_no_truth():
         bool(field("mass", "j") > 0.0)
 
 
+def test_what_is_true_or_false_is_in_no_record():
+    """Numba does not write it into an array of numbers: what it is made of is there."""
+    heavy = (field("mass", "j") > 1.0) & (field("volume", "j") < 2.0)
+    made = text(where(heavy, OFFSET[0], 0.0))
+    assert "record[at + 2] = mass[i]" in made and "record[at + 3] = volume[i]" in made
+
+
 def test_lanes_that_only_fill_a_vector_divide_by_what_is_there():
     made = text(OFFSET[0] / (field("mass", "i") + field("mass", "j")))
     assert "columns[base + np.uint64(64) + c - np.uint64(1)]" in made

@@ -9,6 +9,7 @@ from scipy.spatial import cKDTree
 from particell.compute.cells import counting_sort
 from particell.compute.device import Device
 from particell.compute.neighbours import NeighbourList
+from particell.fields import Field
 from particell.geometry.domain import Domain
 from particell.particles import Group, Particles
 
@@ -291,7 +292,7 @@ def test_rows_depend_on_positions_and_ids_alone(lengths, periodic):
 
 def test_permute_moves_every_field():
     particles = Particles(Device(), 6, 2, [Group("fluid", "fluid", 0)])
-    particles.add("tensor", 4, values=np.arange(24.0).reshape(6, 4))
+    particles.add(Field("tensor", components=4), np.arange(24.0).reshape(6, 4))
     particles.set("mass", np.arange(6.0))
     order = np.array([3, 1, 5, 0, 4, 2])
     particles.permute(order)

@@ -6,7 +6,9 @@ from numba import njit
 from scipy import stats
 
 from particell.compute import philox
+from particell.compute.device import Device
 from particell.compute.rounding import nearest_integer
+from particell.particles import Particles
 
 ONES = 0xFFFFFFFF
 
@@ -34,6 +36,23 @@ def test_streams_have_keys_of_their_own():
     for seed in (-1, 2**56):
         with pytest.raises(ValueError, match="seed"):
             philox.stream_key(seed, 1)
+
+
+def test_parts_have_keys_of_their_own():
+    key = philox.stream_key(1, philox.JUMP)
+    keys = {philox.part_key(key, stream, m) for stream in range(20) for m in (0, 1, 70_000)}
+    assert len(keys) == 60
+    assert key not in keys
+    assert all(isinstance(word, np.uint64) and word < 2**32 for key in keys for word in key)
+
+
+def test_what_does_not_fit_into_a_word_is_refused():
+    philox.check_word("step", 2**32 - 1)
+    for number in (-1, 2**32):
+        with pytest.raises(ValueError, match=r"step = .* below 2\*\*32"):
+            philox.check_word("step", number)
+    with pytest.raises(ValueError, match="number of particles"):
+        Particles(Device(), 2**32, 2, [])
 
 
 def test_uniforms_never_reach_the_ends():

@@ -34,7 +34,7 @@ def test_sums_are_exact(name):
     values, random = SETS[name], np.random.default_rng(4)
     reduction = Reduction(Device())
     for lanes in (1, 3, LANES["cpu"]):
-        reduction._lanes = lanes
+        reduction._most_lanes = lanes
         columns = np.stack([values, random.permutation(values), -values], axis=1)
         exact = math.fsum(values)
         assert reduction.sum(columns).tolist() == [exact, exact, -exact]

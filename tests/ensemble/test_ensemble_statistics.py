@@ -46,7 +46,7 @@ def test_quantiles_are_numpys(result, monkeypatch):
     np.testing.assert_allclose(result.quantile("count/B", 0.5), expected[1])
     every = result.quantile("count/B", probabilities, None)
     np.testing.assert_allclose(every, np.quantile(values, probabilities, axis=0))
-    monkeypatch.setattr("particell.ensemble.results.QUANTILE_BYTES", 8 * RUNS * 5)
+    monkeypatch.setattr("particell.ensemble.realisations.QUANTILE_BYTES", 8 * RUNS * 5)
     np.testing.assert_allclose(result.quantile("count/B", probabilities), expected)
 
 

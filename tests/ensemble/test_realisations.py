@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 import ensemble_system as system
-from particell import Ensemble, EnsembleInterrupted, EnsembleRun
+from particell import Ensemble, EnsembleInterrupted, EnsembleRun, Run
+from particell.cases.execution import execute
 from particell.ensemble import realisation_seed
 from particell.errors import InputError, RunError
+from particell.output.files import read_json
 
 TIMES = {"until": system.UNTIL, "every": system.EVERY}
 
@@ -28,9 +30,13 @@ def alone() -> list[dict[str, np.ndarray]]:
 
 
 def same(result: EnsembleRun, frames) -> bool:
-    return len(result) == len(frames) and all(
+    return same_runs(result.runs, frames)
+
+
+def same_runs(runs: list[Run], frames) -> bool:
+    return len(runs) == len(frames) and all(
         run.frame(-1)[name].tobytes() == frame[name].tobytes()
-        for run, frame in zip(result.runs, frames, strict=True)
+        for run, frame in zip(runs, frames, strict=True)
         for name in frame
     )
 
@@ -56,6 +62,19 @@ def test_in_two_processes(alone, tmp_path):
     # a function without a module, as in a notebook
     result = ensemble(lambda seed: system.build(seed)).run(tmp_path, 2, progress=False)
     assert same(result, alone)
+
+
+def test_a_recipe_that_is_no_case(alone, tmp_path):
+    result = Ensemble(system.Line(), runs=3).run(tmp_path / "out", processes=1, progress=False)
+    assert same(result, alone)
+    device = {"backend": "cpu", "precision": "float64"}
+    assert result.settings["description"] == {"shift": 0.0, **device}
+    assert execute(system.Line(), tmp_path / "one", realisation_seed(1, 1), progress=False) == 0
+    assert same_runs([Run(tmp_path / "one")], alone[1:2])
+    context = {"seed": realisation_seed(1, 1), **device, "threads": None}
+    assert read_json(tmp_path / "one" / "case.json", "case") == {"shift": 0.0, "context": context}
+    with pytest.raises(InputError, match="until"):
+        Ensemble(system.Line, runs=3)  # a class is a function
 
 
 @pytest.mark.filterwarnings("ignore")

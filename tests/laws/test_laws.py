@@ -343,6 +343,8 @@ def numbers(dim):
     """Two particles and their pair, as floats."""
     cloud = cloud_of(dim, 4)
     i, j = cloud.particle(0), cloud.particle(1)
+    near = [p + 0.1 * (k + 1) for k, p in enumerate(i.x.parts(dim))]
+    j = j.replace(x=Vector.of("x", near))
     noise = Vector.of("noise", np.random.default_rng(2).normal(size=dim).tolist())
     return i, j, pair_of(i, j, 0.7, 0.9, noise=lambda _: noise)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -45,7 +47,7 @@ def wave(name, dt=0.02, velocity=(0.0, 0.0), side=24):
 @pytest.mark.parametrize("velocity", [(0.0, 0.0), (1.0, 0.3)], ids=["at rest", "in a stream"])
 @pytest.mark.parametrize("name", SCHEMES)
 def test_a_wave_decays_as_the_sum_says_and_rides_with_the_fluid(name, velocity):
-    """The sum's own eigenvalue, 1.5 % below κk² for a wave of 8 supports; the step adds λ dt/2."""
+    """The sum's own eigenvalue, 1.5 % below κk² for a wave of 8 supports; the step adds (λ dt)²."""
     simulation = wave(name, velocity=velocity)
     p = simulation.particles
     start = p.by_id("temperature") - 300.0
@@ -55,9 +57,57 @@ def test_a_wave_decays_as_the_sum_says_and_rides_with_the_fluid(name, velocity):
     assert rate == pytest.approx(KAPPA * k**2, rel=0.02)
     simulation.advance(100)
     expected = start * np.exp(-rate * simulation.time)
-    error = rate * simulation.dt * rate * simulation.time
+    error = (rate * simulation.dt) ** 2 * rate * simulation.time
     np.testing.assert_allclose(p.by_id("temperature") - 300.0, expected, atol=10 * error)
     assert p.by_id("temperature").mean() == pytest.approx(300.0, rel=1e-13)
+
+
+class Decay(pc.Law):
+    """dT/dt = −(1 + 0.3 t) T."""
+
+    def finish(self, i, sums):
+        return {"temperature_rate": -(1.0 + 0.3 * i.time) * i.temperature}
+
+
+SMOOTH = {  # the filter and what keeps the mean density act at times that depend on the step
+    **SCHEMES,
+    "transport velocity": lambda **o: pc.TransportVelocity(
+        support=3.0, filter_every=0, fixed_volume=False, **o
+    ),
+}
+
+
+def order(errors):
+    """Of errors, or differences, of steps of which each is half of that before."""
+    return np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
+
+
+@pytest.mark.parametrize("name", SMOOTH)
+def test_fields_are_of_second_order_in_the_step(name):
+    """An exact decay, and a temperature that conducts among particles that are stirred."""
+    box = pc.Domain((0, 0), (8, 8), periodic="xy", depth=1.0)
+    unit = pc.Fluid(density=1.0, viscosity=1.0, sound_speed=10.0)
+    wave = 2 * np.pi / 8
+
+    def stirred(law, dt):
+        points = pc.fluid(box, unit, 1.0).points
+        speed = 0.3 * np.sin(wave * (points[:, ::-1] + 0.3 * points))
+        phase = pc.Phase("fluid", unit, points, 1.0, velocity=speed)
+        field = pc.Field("temperature", 1.0)
+        scheme = SMOOTH[name](more=[law], fields=[field], reference_speed=1.0)
+        simulation = pc.Simulation(box, phase, scheme, dt=dt)
+        x = simulation.particles.host("x")[:, 0]
+        if isinstance(law, Conduction):
+            simulation.particles.set("temperature", 1.0 + np.sin(wave * x))
+        simulation.advance(round(0.8 / dt))
+        return simulation.particles.by_id("temperature")
+
+    exact = np.exp(-0.8 - 0.15 * 0.8**2)
+    errors = [np.abs(stirred(Decay(), dt) - exact).max() for dt in (0.04, 0.02, 0.01)]
+    assert errors[0] < 1e-3 and order(errors) == pytest.approx(2.0, abs=0.1)
+    found = [stirred(Conduction(KAPPA), dt) for dt in (0.04, 0.02, 0.01, 0.005)]
+    changes = [np.linalg.norm(a - b) for a, b in itertools.pairwise(found)]
+    assert order(changes).min() > 1.8 and order(changes)[-1] < 2.2
 
 
 def test_between_walls_the_profile_is_linear():

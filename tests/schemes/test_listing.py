@@ -7,7 +7,7 @@ import pytest
 
 import particell as pc
 from particell.cli import call
-from particell.laws import vector, where
+from particell.laws import exp, vector, where
 from particell.laws.diffusion import pair_slopes
 from systems import forces
 
@@ -29,7 +29,7 @@ def test_equations_of_cases(capsys, case):
 def test_what_is_read_and_written(capsys):
     assert call(["laws", "couette", "--exchange"]) == 0
     text = capsys.readouterr().out
-    filtered = text[text.index("filtered_density: ") : text.index("wall_pressure: ")]
+    filtered = text[text.index("filtered_density: ") : text.index("forces: ")]
     assert "\n  of neighbours: mass, volume, x\n" in filtered
     assert "\n  of the particle: is_wall, mass, support, volume, x\n" in filtered
     assert "\n  written: density_half\n" in filtered
@@ -63,7 +63,8 @@ def two(*laws, scheme=pc.SDPD):
     box = pc.Domain((0, 0), (10, 10), depth=1.0)
     unit = pc.Fluid(density=1.0, viscosity=1.0, sound_speed=10.0)
     pair = pc.Phase("fluid", unit, np.array([[4.0, 5], [6.0, 5]]), 1.0)
-    simulation = pc.Simulation(box, pair, scheme(more=laws))
+    fields = [pc.Field("temperature")]
+    simulation = pc.Simulation(box, pair, scheme(more=laws, fields=fields))
     simulation.start()
     return simulation
 
@@ -87,6 +88,11 @@ class Nowhere(pc.Law):
         return {"acceleration": j.density * ij.x}
 
 
+class Other(pc.Law):
+    def finish(self, i, sums):
+        return {"tempature_rate": 1.0}
+
+
 class Branches(pc.Law):
     def pair(self, i, j, ij):
         return {"a": ij.x} if ij.r < 1.0 else {}
@@ -94,7 +100,12 @@ class Branches(pc.Law):
 
 @pytest.mark.parametrize(
     ("law", "words"),
-    [(Unknown(), "densty"), (Nowhere(), "acceleration"), ("spring", "each item a Law")],
+    [
+        (Unknown(), "densty.*did you mean 'density'"),
+        (Nowhere(), "acceleration"),
+        ("spring", "each item a Law"),
+        (Other(), "tempature_rate.*did you mean 'temperature_rate'"),
+    ],
 )
 def test_what_is_wrong_is_said_in_one_line(law, words):
     with pytest.raises(pc.InputError, match=words):
@@ -148,6 +159,52 @@ def test_a_law_s_numbers_are_those_that_it_has_now():
     )  # but for friction
 
 
+class Explodes(pc.Law):
+    """What grows without bound."""
+
+    def finish(self, i, sums):
+        return {"c_rate": 1e300 * exp(1e3 * i.time) * i.c}
+
+
+class Slow(pc.Law):
+    """A push that says how long a step may be."""
+
+    def __init__(self, push):
+        self.push = push
+
+    def finish(self, i, sums):
+        return {"a": self.push * i.x}
+
+    def largest_step(self, i):
+        return 1e-3
+
+
+def test_messages_of_broken_runs_name_laws_of_the_user_s():
+    """Of a field of theirs they alone are the cause; of what moves they may be."""
+    box = pc.Domain((0, 0), (8, 8), periodic="xy", depth=1.0)
+    unit = pc.Fluid(density=1.0, viscosity=1.0, sound_speed=10.0)
+    laws = [Explodes(), Slow(0.0)]
+    scheme = pc.SDPD(more=laws, fields=[pc.Field("c", 1.0)])
+    simulation = pc.Simulation(box, pc.fluid(box, unit, 1.0), scheme, dt=0.01)
+    with pytest.raises(pc.RunError, match=r"only laws of your own change it: Explodes\)"):
+        simulation.advance(3)
+    laws[1].push = np.inf
+    simulation = pc.Simulation(box, pc.fluid(box, unit, 1.0), scheme, dt=0.01)
+    with pytest.raises(pc.RunError, match=r"act on it: Slow\) at dt = 0.01 s.*Slow allows 0.001 s"):
+        simulation.advance(1)
+
+
+@pytest.mark.parametrize("answer", [lambda i: i.densty, lambda i: -1.0, lambda i: "soon"])
+def test_a_wrong_largest_step_is_said_in_one_line(answer):
+    class Limits(pc.Law):
+        def largest_step(self, i):
+            return answer(i)
+
+    with pytest.raises(pc.InputError, match=r"Limits.largest_step|did you mean 'density'") as error:
+        two(Limits())
+    assert "\n" not in str(error.value)
+
+
 class Answers(pc.Law):
     def __init__(self, answer):
         self.answer = answer
@@ -165,6 +222,15 @@ class Answers(pc.Law):
         (lambda i, j, ij: {"v": ij.x}, "what a law adds"),
         (lambda i, j, ij: {"a": ij.x if ij.r == 2.0 else -ij.x}, "where"),
         (lambda i, j, ij: {"a": ij.dist * ij.x}, "Answers.pair"),
+        (lambda i, j, ij: {"a": ij.x.outer(ij.x)}, "components|alike"),
+        (lambda i, j, ij: {"a": ij.x * ij.x}, "Answers.pair"),
+        (lambda i, j, ij: {"a": "far"}, "what Answers adds"),
+        (lambda i, j, ij: {"a": None}, "what Answers adds"),
+        (lambda i, j, ij: {"temperature_rate": "warm"}, "what Answers adds"),
+        (lambda i, j, ij: {"temperature_rate": ij.x}, "2 components"),
+        (lambda i, j, ij: {1: ij.x}, "Answers.pair.*a dict"),
+        (lambda i, j, ij: {"a": ij.suport * ij.x}, "Answers.pair.*did you mean 'support'"),
+        (lambda i, j, ij: {"a": i.densty * ij.x}, "Answers.pair.*did you mean 'density'"),
     ],
 )
 def test_wrong_answers_name_the_law(answer, words):

@@ -16,6 +16,7 @@ from particell.casefile.table import Axis, Name, Position, Profile, Table, descr
 from particell.chemistry.reservoirs import FixedValueWall, FluxWall, Reservoir
 from particell.errors import InputError
 from particell.geometry.shapes import Ball, HalfSpace
+from particell.laws.body_force import BodyForce
 from particell.laws.buoyancy import Buoyancy
 from particell.units import Acceleration, Concentration, Length, Number, Quantity, Time, Velocity
 
@@ -194,6 +195,23 @@ class BuoyancyTable(Table):
         return Buoyancy(**self.given())
 
 
+@describes(BodyForce)
+class BodyForceTable(Table):
+    """A force per mass that depends on place and time."""
+
+    type: Literal["BodyForce"]
+    """What it is."""
+    acceleration: Annotated[
+        tuple[Annotated[Any, Profile("m/s^2")], ...], Field(min_length=1, max_length=3)
+    ]
+    """One number or formula of x, y, z and the time t for each dimension, in m/s²."""
+
+    def build(self, scope: Scope) -> BodyForce:
+        """The force."""
+        parts = scope.vector("acceleration", self.acceleration)
+        return BodyForce(scope.place_and_time("acceleration", parts, "m/s^2"))
+
+
 BoundaryTable = Annotated[
     ReflectionTable
     | WallMotionTable
@@ -204,4 +222,4 @@ BoundaryTable = Annotated[
     | FluxWallTable,
     Field(discriminator="type"),
 ]
-ForceTable = Annotated[BuoyancyTable, Field()]
+ForceTable = Annotated[BuoyancyTable | BodyForceTable, Field(discriminator="type")]

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from particell.compute import expressions as loops
 from particell.errors import InputError, unknown_name
 from particell.materials import AVOGADRO, BOLTZMANN
 from particell.units import registry
@@ -42,6 +43,7 @@ FUNCTIONS: dict[str, tuple[Callable[..., Any], int]] = {
     "tanh": (np.tanh, 1),
     "where": (np.where, 3),
 }
+_NUMPY = {name: function for name, (function, _) in FUNCTIONS.items()}
 #: Whole numbers of metres are not whole numbers of micrometres.
 _PLAIN = ("ceil", "floor", "round")
 #: Constants that are always there: value and unit.
@@ -60,8 +62,24 @@ _BINARY: dict[type[ast.AST], Callable[[Any, Any], Any]] = {
     ast.LtE: operator.le,
     ast.Gt: operator.gt,
     ast.GtE: operator.ge,
-    ast.And: np.logical_and,
-    ast.Or: np.logical_or,
+    ast.And: lambda a, b: a & b if isinstance(a, loops.Node) else np.logical_and(a, b),
+    ast.Or: lambda a, b: a | b if isinstance(a, loops.Node) else np.logical_or(a, b),
+}
+#: Functions that formulas have where they become loops.
+_IN_LOOPS: dict[str, Callable[..., Any]] = {
+    "abs": lambda x: loops.where(x < 0.0, -x, x),
+    "clip": lambda x, low, high: loops.minimum(loops.maximum(x, low), high),
+    "cos": loops.cos,
+    "exp": loops.exp,
+    "hypot": lambda x, y: loops.sqrt(x * x + y * y),
+    "log": loops.log,
+    "maximum": loops.maximum,
+    "minimum": loops.minimum,
+    "sin": loops.sin,
+    "sqrt": loops.sqrt,
+    "tan": lambda x: loops.sin(x) / loops.cos(x),
+    "tanh": loops.tanh,
+    "where": loops.where,
 }
 _UNARY: dict[type[ast.AST], Callable[[Any], Any]] = {
     ast.USub: operator.neg,
@@ -200,22 +218,44 @@ class Formula:
             raise self.error("a formula with a real result")
         return found
 
+    def traced(self, values: Mapping[str, Any]) -> Any:
+        """What a law computes of it, with what laws are given for its names.
+
+        Raises
+        ------
+        InputError
+            For what loops cannot do.
+        """
+        for node in ast.walk(self.tree):
+            if isinstance(node, ast.Not):
+                raise self.error("a formula without 'not', in a force")
+            name = getattr(node.func, "id", "") if isinstance(node, ast.Call) else ""
+            if name and name not in _IN_LOOPS:
+                raise self.error(f"a formula without {name}, in a force")
+        return self._value(self.tree, values, _IN_LOOPS)
+
     def _without_result(self, error: Exception) -> InputError:
         """What is wrong where working it out fails."""
         if isinstance(error, InputError):
             return error
         return self.error(f"a formula with a result ({error})")
 
-    def _value(self, node: ast.expr, values: Mapping[str, Any]) -> Any:
+    def _value(
+        self,
+        node: ast.expr,
+        values: Mapping[str, Any],
+        functions: Mapping[str, Callable[..., Any]] = _NUMPY,
+    ) -> Any:
         if isinstance(node, ast.Constant):
             return self._number(node)
         if isinstance(node, ast.Name):
             return values[node.id]
         if isinstance(node, ast.UnaryOp):
-            return _UNARY[type(node.op)](self._value(node.operand, values))
+            return _UNARY[type(node.op)](self._value(node.operand, values, functions))
         if isinstance(node, ast.Call):
             assert isinstance(node.func, ast.Name)
-            return self._call(node.func.id, [self._value(a, values) for a in node.args])
+            arguments = [self._value(a, values, functions) for a in node.args]
+            return self._call(functions[node.func.id], node.func.id, arguments)
         if isinstance(node, ast.BinOp):
             operands, rule = [node.left, node.right], _BINARY[type(node.op)]
         elif isinstance(node, ast.BoolOp):
@@ -223,15 +263,15 @@ class Formula:
         else:
             assert isinstance(node, ast.Compare)
             operands, rule = [node.left, *node.comparators], _BINARY[type(node.ops[0])]
-        found = self._value(operands[0], values)
+        found = self._value(operands[0], values, functions)
         for operand in operands[1:]:
-            found = rule(found, self._value(operand, values))
+            found = rule(found, self._value(operand, values, functions))
         return found
 
-    def _call(self, name: str, arguments: list[Any]) -> Any:
+    def _call(self, function: Callable[..., Any], name: str, arguments: list[Any]) -> Any:
         if name in _PLAIN and not getattr(arguments[0], "unitless", True):
             raise self.error(f"with a number without unit in {name}")
-        return FUNCTIONS[name][0](*arguments)
+        return function(*arguments)
 
     def dimension(self, quantities: Mapping[str, Any]) -> Any:
         """Its result with units: one of pint's quantities.

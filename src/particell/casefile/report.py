@@ -15,9 +15,7 @@ from particell.casefile.scope import BYTES_A_PARTICLE
 from particell.cases.base import Case, Context
 from particell.cases.execution import set_threads
 from particell.health import beyond, foresee
-from particell.schemes.static import Static
 from particell.simulation import Simulation
-from particell.speeds import flow_limits
 
 #: How lines begin that say what makes a run end with status 1.
 UNHEALTHY = "health:   "
@@ -99,23 +97,10 @@ def limit(simulation: Simulation) -> str:
     """What the time step is limited by, in words."""
     if not simulation.timing.automatic:
         return "dt as given (or the interval of frames)"
-    limits = _limits(simulation)
+    limits = simulation.timing.limits()
     name = min(limits, key=lambda key: limits[key], default="")
     # a frame is a whole number of steps
     return name if name and limits[name] < 2 * simulation.dt else "the interval of frames"
-
-
-def _limits(simulation: Simulation) -> dict[str, float]:
-    """Largest time steps in s by reason."""
-    scheme = simulation.scheme
-    if isinstance(scheme, Static):
-        return simulation.chemistry.limits() if simulation.chemistry else {}
-    h = float(simulation.particles.host("support").min())
-    limits: dict[str, float] = {}
-    dim = simulation.domain.dim
-    for found in flow_limits(h, simulation.timing.materials, scheme, simulation.timing.speed, dim):
-        limits[found.reason] = min(found.smallest, limits.get(found.reason, math.inf))
-    return limits
 
 
 def seconds_a_step(simulation: Simulation, most: int) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -39,6 +40,19 @@ def known(what: str, name: str, names: Collection[str]) -> str:
             raise InputError(what, name, "described in this file, which has none")
         raise unknown_name(what, name, names)
     return name
+
+
+@dataclass(frozen=True)
+class PlaceAndTime:
+    """Numbers and formulas of the place and the time, as a function of what laws are given."""
+
+    parts: tuple[Any, ...]
+    constants: Mapping[str, Any]
+
+    def __call__(self, *given: Any) -> list[Any]:
+        """One value of each, at ``x, …, t``."""
+        values = {**self.constants, **dict(zip(AXES, given[:-1], strict=False)), TIME: given[-1]}
+        return [p.traced(values) if isinstance(p, Formula) else p for p in self.parts]
 
 
 class Scope:
@@ -135,6 +149,21 @@ class Scope:
 
         evaluate(0.0)
         return evaluate
+
+    def place_and_time(self, key: str, values: Collection[Any], unit: str) -> PlaceAndTime:
+        """What laws compute of numbers, and of formulas of the place and the time t."""
+        parts: list[Any] = []
+        for value in values:
+            if is_formula(value):
+                formula = Formula(key, value)
+                formula.require({*self.constants.values, *AXES[: self.dim], TIME})
+                formula.check_unit(self._quantities, unit)
+                parts.append(formula)
+            else:
+                parts.append(value)
+        found = PlaceAndTime(tuple(parts), dict(self.constants.values))
+        found(*(0.5 * (self.domain.lower + self.domain.upper)), 0.0)  # refuses what loops cannot do
+        return found
 
     def velocity(self, key: str, values: Collection[Any] | None, function: bool = False) -> Any:
         """None, D numbers, or a function of points that returns velocities (n, D) in m/s.

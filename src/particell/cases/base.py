@@ -23,9 +23,7 @@ and one line in the table of :mod:`particell.cases`.
 from __future__ import annotations
 
 import abc
-import functools
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, get_args
 
@@ -33,6 +31,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic.fields import FieldInfo
 
 from particell.errors import InputError, unknown_name
+from particell.recipe import Context, Metric, Recipe
 from particell.units import (
     Acceleration,
     Concentration,
@@ -51,7 +50,6 @@ from particell.units import (
 )
 
 if TYPE_CHECKING:
-    from particell.compute.device import Device
     from particell.ensemble.results import EnsembleRun
     from particell.output.run import Run
     from particell.simulation import Simulation
@@ -77,67 +75,7 @@ __all__ = [
 ]
 
 
-@dataclass(frozen=True)
-class Context:
-    """How a case is run, as opposed to what it is.
-
-    Attributes
-    ----------
-    seed
-        Of the random numbers.
-    backend
-        ``"cpu"`` or ``"cuda"``.
-    precision
-        ``"float64"`` or ``"float32"``.
-    threads
-        Number of CPU threads, or None for all.
-    """
-
-    seed: int = 1
-    backend: str = "cpu"
-    precision: str = "float64"
-    threads: int | None = None
-
-    @functools.cached_property
-    def device(self) -> Device:
-        """The device to build the simulation on."""
-        from particell.compute.device import Device
-
-        return Device(self.backend, self.precision)
-
-
-@dataclass(frozen=True)
-class Metric:
-    """A number that a case is about.
-
-    Attributes
-    ----------
-    value
-        What was measured.
-    paper
-        What the paper printed, or None.
-    limit
-        The greatest magnitude allowed, or None where the value is not an error.
-    unit
-        Unit of all three.
-    """
-
-    value: float
-    paper: float | None = None
-    limit: float | None = None
-    unit: str = ""
-
-    @property
-    def passed(self) -> bool:
-        """Whether |value| ≤ limit; true without a limit, false for a NaN with one."""
-        return self.limit is None or bool(abs(self.value) <= self.limit)
-
-    def as_dict(self) -> dict[str, Any]:
-        """The metric as in ``summary.json``."""
-        return asdict(self)
-
-
-class Case(BaseModel, abc.ABC):
+class Case(BaseModel, Recipe):
     """Base class of all cases.
 
     Parameters
@@ -169,10 +107,6 @@ class Case(BaseModel, abc.ABC):
     """What it is compared with, in a few words."""
 
     if TYPE_CHECKING:
-        # Either fields or properties of the actual cases, which is why they are none here.
-        @property
-        def until(self) -> float:
-            """When the simulation ends, in s."""
 
         @property
         def every(self) -> float:
@@ -200,20 +134,18 @@ class Case(BaseModel, abc.ABC):
                 raise TypeError(f"{cls.__name__} needs '{needed}'")
 
     @abc.abstractmethod
-    def build(self, context: Context) -> Simulation:
-        """The simulation, at its first moment."""
-
-    @abc.abstractmethod
     def analyse(self, run: Run, simulation: Simulation) -> dict[str, Metric]:
         """What the case is about, in numbers; at least one has a limit."""
 
-    def figures(self, run: Run, directory: Path) -> list[Path]:
-        """Draw the figures into a directory; gives the paths of the PNG files."""
-        return []
-
-    def run_options(self) -> dict[str, Any]:
-        """Further options of :meth:`particell.simulation.Simulation.run`, such as ``stop``."""
-        return {}
+    def identity(self) -> dict[str, Any]:
+        """Name, class and parameters. The program's own cases are found by their names alone."""
+        kind = type(self)
+        own = kind.__module__.startswith(f"{__package__}.")
+        return {
+            "case": self.name,
+            "class": None if own else f"{kind.__module__}:{kind.__qualname__}",
+            "parameters": self.model_dump(mode="json"),
+        }
 
     def ensemble_metrics(self, ensemble: EnsembleRun) -> dict[str, Metric]:
         """What many realisations come to; by default the mean of each metric of :meth:`analyse`.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 from scipy.stats import chi2
@@ -14,21 +14,28 @@ from particell.analysis.statistics import Moments, epsilon_error
 from particell.cases.base import Metric
 from particell.cases.scores import ALARM, FEWEST, poisson_metric
 from particell.ensemble.figures import band
+from particell.ensemble.results import EnsembleRun
+from particell.output.run import Run
 
-if TYPE_CHECKING:
-    from particell.cases.diffusion_1d import Diffusion1D
-    from particell.ensemble.results import EnsembleRun
+
+class Slab(Protocol):
+    """What is read of a :class:`.Diffusion1D`, which says what it means."""
+
+    molecules: int
+
+    def profiles(self, run: Run, frame: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]: ...
+    def exact(self, x: np.ndarray, time: float) -> np.ndarray: ...
 
 
 def profile(
-    case: Diffusion1D, ensemble: EnsembleRun, frame: int
+    case: Slab, ensemble: EnsembleRun, frame: int
 ) -> tuple[np.ndarray, np.ndarray, Moments]:
     """x/L, C/C₀ of the concentrations, and moments of C/C₀ of the molecules, in order of x."""
     x, values, _ = case.profiles(ensemble.runs[0], frame)
     return x, values, ensemble.moments(lambda run: case.profiles(run, frame)[2])
 
 
-def metrics(case: Diffusion1D, ensemble: EnsembleRun, paper: float | None) -> dict[str, Metric]:
+def metrics(case: Slab, ensemble: EnsembleRun, paper: float | None) -> dict[str, Metric]:
     """Of the molecules at the end: error of the mean, its chi-square, and the dispersion.
 
     The counts are independent Poisson numbers of the deterministic means λ. With R realisations
@@ -62,7 +69,7 @@ def _dispersion(variance: np.ndarray, expected: np.ndarray, freedom: int) -> Met
     return Metric(float(np.mean((variance / expected)[enough])) - 1, limit=float(reach))
 
 
-def figures(case: Diffusion1D, ensemble: EnsembleRun, directory: Path) -> list[Path]:
+def figures(case: Slab, ensemble: EnsembleRun, directory: Path) -> list[Path]:
     """Profiles of the mean with deviation, and the mean's deviation from the expectation."""
     if len(ensemble) < 2:
         return []
@@ -71,7 +78,7 @@ def figures(case: Diffusion1D, ensemble: EnsembleRun, directory: Path) -> list[P
 
 
 @plots.styled
-def _profiles(case: Diffusion1D, ensemble: EnsembleRun):
+def _profiles(case: Slab, ensemble: EnsembleRun):
     figure, axes = plots.new_figure(5.2, 3.4)
     end = float(ensemble.times[-1])
     for k, part in enumerate((0.04, 0.16, 0.4, 1.0)):
@@ -88,7 +95,7 @@ def _profiles(case: Diffusion1D, ensemble: EnsembleRun):
 
 
 @plots.styled
-def _scores(case: Diffusion1D, ensemble: EnsembleRun):
+def _scores(case: Slab, ensemble: EnsembleRun):
     figure, axes = plots.new_figure(5.2, 2.6)
     x, values, found = profile(case, ensemble, len(ensemble.times) - 1)
     expected = np.maximum(values * case.molecules, 1e-300)

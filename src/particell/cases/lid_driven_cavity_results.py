@@ -7,7 +7,7 @@ Velocities are those of the fluid's particles alone, averaged over time at point
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -17,10 +17,7 @@ from particell.cases import reference
 from particell.cases.base import Metric
 from particell.cases.scores import density_drift
 from particell.output.run import Run
-
-if TYPE_CHECKING:
-    from particell.cases.lid_driven_cavity import LidDrivenCavity
-    from particell.simulation import Simulation
+from particell.simulation import Simulation
 
 #: Largest r.m.s. difference from Ghia's points, over U, by Re: from a number of particles along a
 #: side on, and inversely as that number below it.
@@ -41,6 +38,25 @@ FINE = 161
 MISPRINT = (10000, 0.5)
 
 
+class Cavity(Protocol):
+    """What is read of a :class:`.LidDrivenCavity`, which says what it means."""
+
+    resolution: int
+    reynolds: float
+    length: float
+    speed: float
+    density: float
+    mach: float
+    frames: int
+
+    @property
+    def spacing(self) -> float: ...
+    @property
+    def every(self) -> float: ...
+    @property
+    def earliest(self) -> float: ...
+
+
 class Line(NamedTuple):
     """Places along a centreline over L, the run's velocity over U there, Ghia's, finite elements'.
 
@@ -53,7 +69,7 @@ class Line(NamedTuple):
     fem: np.ndarray
 
 
-def places(case: LidDrivenCavity) -> dict[str, np.ndarray]:
+def places(case: Cavity) -> dict[str, np.ndarray]:
     """Points over L at which velocities are averaged, by name.
 
     Both centrelines at Ghia's points (``"u"``, ``"v"``) and finely (``"vertical"``,
@@ -82,13 +98,13 @@ def places(case: LidDrivenCavity) -> dict[str, np.ndarray]:
     return found
 
 
-def mean_velocity(case: LidDrivenCavity, run: Run, where: str) -> np.ndarray:
+def mean_velocity(case: Cavity, run: Run, where: str) -> np.ndarray:
     """Averaged velocity over U at one of the :func:`places`."""
     frames = range(max(1, len(run) - case.frames), len(run))
     return run.average("velocity", where, frames) / case.speed
 
 
-def ghia_places(case: LidDrivenCavity, component: str) -> np.ndarray:
+def ghia_places(case: Cavity, component: str) -> np.ndarray:
     """Ghia's points inside the cavity along a centreline, over L."""
     s = reference.load(f"lid_driven_cavity_ghia_{component}")["y" if component == "u" else "x"]
     inner = (s > 0) & (s < 1)
@@ -97,18 +113,18 @@ def ghia_places(case: LidDrivenCavity, component: str) -> np.ndarray:
     return s[inner]
 
 
-def corner_places(case: LidDrivenCavity) -> tuple[np.ndarray, tuple[float, float]]:
+def corner_places(case: Cavity) -> tuple[np.ndarray, tuple[float, float]]:
     """Distances from the corners, and from the walls, at which the walls' shear is measured."""
     d = 1.0 / case.resolution
     return np.linspace(2 * d, 0.48, 4 * case.resolution), (d, 2 * d)
 
 
-def tabulated(case: LidDrivenCavity) -> int | None:
+def tabulated(case: Cavity) -> int | None:
     """The Reynolds number in the tables, or None where it is not."""
     return round(case.reynolds) if case.reynolds in (100, 1000, 10000) else None
 
 
-def centreline(case: LidDrivenCavity, run: Run, component: str) -> Line:
+def centreline(case: Cavity, run: Run, component: str) -> Line:
     """u along x = 1/2 (``"u"``) or v along y = 1/2 (``"v"``) at Ghia's points inside."""
     s, number = ghia_places(case, component), tabulated(case)
     value = mean_velocity(case, run, component)[:, 0 if component == "u" else 1]
@@ -127,7 +143,7 @@ def rms(lines: list[Line], other: str) -> float:
     return float(np.sqrt(squares.mean()))
 
 
-def corner_sizes(case: LidDrivenCavity, run: Run) -> dict[str, float]:
+def corner_sizes(case: Cavity, run: Run) -> dict[str, float]:
     """Distances from the bottom corners at which the wall's shear changes sign, over L.
 
     The shear is the derivative of the parabola through the wall's zero velocity and those one and
@@ -148,7 +164,7 @@ def corner_sizes(case: LidDrivenCavity, run: Run) -> dict[str, float]:
     return found
 
 
-def metrics(case: LidDrivenCavity, run: Run, simulation: Simulation) -> dict[str, Metric]:
+def metrics(case: Cavity, run: Run, simulation: Simulation) -> dict[str, Metric]:
     """Velocities on the centrelines, corner vortices, evenness, walls."""
     number = tabulated(case)
     found: dict[str, Metric] = {}
@@ -184,7 +200,7 @@ def metrics(case: LidDrivenCavity, run: Run, simulation: Simulation) -> dict[str
     return found
 
 
-def crowding(case: LidDrivenCavity, run: Run) -> float:
+def crowding(case: Cavity, run: Run) -> float:
     """Spacing over the distance of the closest pair: the mean over the second half of the frames.
 
     Of a single frame it is that of one pair beside the lid, 1.6 to 2.0 in turn.
@@ -193,7 +209,7 @@ def crowding(case: LidDrivenCavity, run: Run) -> float:
     return float(np.mean([1 / evenness(x, case.spacing, run.domain).closest for x in frames]))
 
 
-def outliers(case: LidDrivenCavity, run: Run) -> dict[str, Metric]:
+def outliers(case: Cavity, run: Run) -> dict[str, Metric]:
     """The fastest particle and the density farthest from ρ₀, of all frames.
 
     A wall that turns a particle back changes its velocity by up to 2U, relative to a lid that it
@@ -209,7 +225,7 @@ def outliers(case: LidDrivenCavity, run: Run) -> dict[str, Metric]:
     }
 
 
-def figures(case: LidDrivenCavity, run: Run, directory: Path) -> list[Path]:
+def figures(case: Cavity, run: Run, directory: Path) -> list[Path]:
     """Speed with streamlines, profiles, particles, convergence."""
     made = {
         "profiles": _profiles_figure(case, run),
@@ -221,7 +237,7 @@ def figures(case: LidDrivenCavity, run: Run, directory: Path) -> list[Path]:
 
 
 @plots.styled
-def _profiles_figure(case: LidDrivenCavity, run: Run):
+def _profiles_figure(case: Cavity, run: Run):
     figure, (left, right) = plots.new_figure(7.0, 3.2, columns=2)
     fine = places(case)["vertical"][:, 1]
     vertical = mean_velocity(case, run, "vertical")[:, 0]
@@ -245,7 +261,7 @@ def _profiles_figure(case: LidDrivenCavity, run: Run):
 
 
 @plots.styled
-def _speed_figure(case: LidDrivenCavity, run: Run):
+def _speed_figure(case: Cavity, run: Run):
     figure, axes = plots.new_figure(4.6, 3.8)
     star = places(case)["map"][:, 0, 0]
     v = mean_velocity(case, run, "map")
@@ -269,7 +285,7 @@ def _speed_figure(case: LidDrivenCavity, run: Run):
 
 
 @plots.styled
-def _particles_figure(case: LidDrivenCavity, run: Run):
+def _particles_figure(case: Cavity, run: Run):
     """All particles, and those at the corner that the lid moves towards."""
     figure, pair = plots.new_figure(7.4, 3.5, columns=2)
     star = run.field("position")[-1] / case.length
@@ -289,7 +305,7 @@ def _particles_figure(case: LidDrivenCavity, run: Run):
 
 
 @plots.styled
-def _convergence_figure(case: LidDrivenCavity, run: Run):
+def _convergence_figure(case: Cavity, run: Run):
     figure, (left, right) = plots.new_figure(6.8, 3.0, columns=2)
     star = run.times / case.every
     mass = run.static["mass"][run.group("fluid")].sum()

@@ -9,7 +9,7 @@ averaged over the same particles' places.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -19,13 +19,10 @@ from particell.analysis.statistics import epsilon_error
 from particell.cases import reference
 from particell.cases.base import Metric
 from particell.cases.scores import poisson_metric
-from particell.geometry.shapes import Box
+from particell.geometry.shapes import Box, Circle
 from particell.materials import AVOGADRO
 from particell.output.run import Run
-
-if TYPE_CHECKING:
-    from particell.cases.natural_convection import NaturalConvection
-    from particell.simulation import Simulation
+from particell.simulation import Simulation
 
 #: Limit of the profiles' root mean square errors, as a part of their range.
 PROFILE_LIMIT = 0.03
@@ -45,6 +42,35 @@ ALARM = 1e-7
 KINDS = {"concentrations": "C", "molecules": "C_molecules"}
 
 
+class Convection(Protocol):
+    """What is read of a :class:`.NaturalConvection`, which says what it means."""
+
+    resolution: int
+    rayleigh: float
+    schmidt: float
+    length: float
+    velocity: float
+    concentration: float
+    density: float
+    end: float
+    averaging: float
+
+    @property
+    def scheme(self) -> str: ...
+    @property
+    def driven_by(self) -> str: ...
+    @property
+    def time_unit(self) -> float: ...
+    @property
+    def spacing(self) -> float: ...
+    @property
+    def depth(self) -> float: ...
+    @property
+    def diffusivity(self) -> float: ...
+    @property
+    def cylinder(self) -> Circle: ...
+
+
 class Profile(NamedTuple):
     """Bins along the centreline: x/L (from 0.6 to 1), the run's value and the reference's."""
 
@@ -58,7 +84,7 @@ class Profile(NamedTuple):
         return float(np.sqrt(np.mean((self.value - self.expected) ** 2)) / np.ptp(self.expected))
 
 
-def exact(case: NaturalConvection) -> dict[str, np.ndarray] | None:
+def exact(case: Convection) -> dict[str, np.ndarray] | None:
     """The reference's columns, or None where there is none for this Ra and Sc."""
     if case.rayleigh not in HALF_TRANSFER or abs(case.schmidt - 0.7) > 1e-9:
         return None
@@ -66,13 +92,13 @@ def exact(case: NaturalConvection) -> dict[str, np.ndarray] | None:
     return reference.load(f"natural_convection_Ra1e{exponent}")
 
 
-def averaged_frames(case: NaturalConvection, run: Run) -> np.ndarray:
+def averaged_frames(case: Convection, run: Run) -> np.ndarray:
     """The frames of the averaging time."""
     start = (case.end - case.averaging) * case.time_unit
     return np.flatnonzero(run.times >= start * (1 - 1e-9))
 
 
-def profile(case: NaturalConvection, run: Run, kind: str) -> Profile:
+def profile(case: Convection, run: Run, kind: str) -> Profile:
     """Of ``"concentrations"`` or ``"molecules"`` in C₀, or of the upward ``"velocity"`` in v₀."""
     fluid = run.group("fluid")
     places, values = [], []
@@ -102,7 +128,7 @@ def profile(case: NaturalConvection, run: Run, kind: str) -> Profile:
     return Profile(mean(x), mean(value), mean(expected))
 
 
-def asymmetry(case: NaturalConvection, run: Run) -> float:
+def asymmetry(case: Convection, run: Run) -> float:
     """The flow's mean angular momentum about the centre over v₀L/2: zero if it is symmetric."""
     fluid = run.group("fluid")
     total = 0.0
@@ -114,9 +140,7 @@ def asymmetry(case: NaturalConvection, run: Run) -> float:
     return total / len(frames)
 
 
-def transfers(
-    case: NaturalConvection, run: Run, kind: str
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def transfers(case: Convection, run: Run, kind: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Times (m,) in L/v₀ and Q/2 from the cylinder and into the cavity's walls, frame by frame.
 
     What a particle books between two frames is counted for the body that is nearer to it (of
@@ -157,14 +181,14 @@ def poisson_score(run: Run) -> Metric:
     return poisson_metric(count, mean, ALARM, fewest=20.0)
 
 
-def limits(case: NaturalConvection) -> tuple[float, float]:
+def limits(case: Convection) -> tuple[float, float]:
     """Of profiles and of transfers."""
     if case.scheme == "sdpd":
         return PROFILE_LIMIT, TRANSFER_LIMIT
     return TV_PROFILE_LIMIT[int(case.rayleigh > 3e5)], TV_TRANSFER_LIMIT
 
 
-def wall_metrics(case: NaturalConvection, run: Run, simulation: Simulation) -> dict[str, Metric]:
+def wall_metrics(case: Convection, run: Run, simulation: Simulation) -> dict[str, Metric]:
     """What walls that nothing penetrates and evenly spread particles promise."""
     square = Box(list(run.domain.lower), list(run.domain.upper))
     even = evenness(run.field("position")[-1], case.spacing, square - case.cylinder)
@@ -177,7 +201,7 @@ def wall_metrics(case: NaturalConvection, run: Run, simulation: Simulation) -> d
     }
 
 
-def metrics(case: NaturalConvection, run: Run) -> dict[str, Metric]:
+def metrics(case: Convection, run: Run) -> dict[str, Metric]:
     """Errors of profiles and transfers; limits on the species that drives the flow."""
     found: dict[str, Metric] = {}
     compared = exact(case) is not None
@@ -223,7 +247,7 @@ def metrics(case: NaturalConvection, run: Run) -> dict[str, Metric]:
     return found
 
 
-def figures(case: NaturalConvection, run: Run, directory: Path) -> list[Path]:
+def figures(case: Convection, run: Run, directory: Path) -> list[Path]:
     """Concentration, speed, particles at the cylinder, profiles, transfer in time."""
     made = {
         "concentration": _field_figure(case, run, "concentrations"),
@@ -236,7 +260,7 @@ def figures(case: NaturalConvection, run: Run, directory: Path) -> list[Path]:
     return [plots.save(figure, directory / f"{name}.png") for name, figure in made.items()]
 
 
-def _on_grid(case: NaturalConvection, run: Run, field: str) -> tuple[np.ndarray, np.ndarray]:
+def _on_grid(case: Convection, run: Run, field: str) -> tuple[np.ndarray, np.ndarray]:
     """Grid coordinates (m,) over L, and a field of the last frame on it, NaN in the cylinder."""
     number = 3 * case.resolution
     values = run.on_grid(field, number, groups=["fluid"])
@@ -247,7 +271,7 @@ def _on_grid(case: NaturalConvection, run: Run, field: str) -> tuple[np.ndarray,
 
 
 @plots.styled
-def _field_figure(case: NaturalConvection, run: Run, kind: str):
+def _field_figure(case: Convection, run: Run, kind: str):
     figure, axes = plots.new_figure(4.4, 3.6)
     if kind == "velocity":
         star, v = _on_grid(case, run, "velocity")
@@ -274,7 +298,7 @@ def _field_figure(case: NaturalConvection, run: Run, kind: str):
 
 
 @plots.styled
-def _particles_figure(case: NaturalConvection, run: Run):
+def _particles_figure(case: Convection, run: Run):
     figure, axes = plots.new_figure(4.4, 3.6)
     star = run.field("position")[len(run) - 1] / case.length
     concentration = run.field("concentration/C")[len(run) - 1] / case.concentration
@@ -295,7 +319,7 @@ def _particles_figure(case: NaturalConvection, run: Run):
 
 
 @plots.styled
-def _profiles_figure(case: NaturalConvection, run: Run):
+def _profiles_figure(case: Convection, run: Run):
     figure, (left, right) = plots.new_figure(7.0, 3.0, columns=2)
     table = exact(case)
     rescale = np.sqrt(case.rayleigh / case.schmidt)
@@ -316,7 +340,7 @@ def _profiles_figure(case: NaturalConvection, run: Run):
 
 
 @plots.styled
-def _transfer_figure(case: NaturalConvection, run: Run):
+def _transfer_figure(case: Convection, run: Run):
     figure, axes = plots.new_figure(5.2, 3.2)
     for kind, style in (("molecules", ":"), ("concentrations", "-")):
         time, cylinder, walls = transfers(case, run, kind)

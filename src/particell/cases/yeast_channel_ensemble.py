@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,20 +12,19 @@ from particell.cases import reference
 from particell.cases import yeast_channel_results as results
 from particell.cases.base import Metric
 from particell.ensemble.figures import band
-
-if TYPE_CHECKING:
-    from particell.cases.yeast_channel import YeastChannel
-    from particell.ensemble.results import EnsembleRun
+from particell.ensemble.results import EnsembleRun
 
 _BOUND = "concentration/RL_molecules"
 
 
-def _frames(case: YeastChannel, ensemble: EnsembleRun) -> dict[float, int]:
+def _frames(case: results.Channel, ensemble: EnsembleRun) -> dict[float, int]:
     stars = [s for s in results.TIMES if s <= case.end * (1 + 1e-9)]
     return {s: ensemble.at(s * case.time_unit) for s in stars}
 
 
-def _order(case: YeastChannel, ensemble: EnsembleRun, frame: int) -> tuple[np.ndarray, np.ndarray]:
+def _order(
+    case: results.Channel, ensemble: EnsembleRun, frame: int
+) -> tuple[np.ndarray, np.ndarray]:
     """Angles of the membrane's particles in order, and that order."""
     run = ensemble.runs[0]
     offset = run.field("position")[frame][run.group("membrane")] - np.array(case.centre)
@@ -35,7 +33,7 @@ def _order(case: YeastChannel, ensemble: EnsembleRun, frame: int) -> tuple[np.nd
     return angle[order], order
 
 
-def metrics(case: YeastChannel, ensemble: EnsembleRun) -> dict[str, Metric]:
+def metrics(case: results.Channel, ensemble: EnsembleRun) -> dict[str, Metric]:
     """Relative L2 errors of the mean of RL (molecules) around the membrane.
 
     Without limits: binding competes for the ligand that is there, so that the mean of whole
@@ -57,7 +55,7 @@ def metrics(case: YeastChannel, ensemble: EnsembleRun) -> dict[str, Metric]:
     return found
 
 
-def figures(case: YeastChannel, ensemble: EnsembleRun, directory: Path) -> list[Path]:
+def figures(case: results.Channel, ensemble: EnsembleRun, directory: Path) -> list[Path]:
     """RL around the membrane and in time, mean ± deviation, beside the finite elements."""
     if case.chemistry == "concentrations" or len(ensemble) < 2:
         return []
@@ -69,7 +67,7 @@ def figures(case: YeastChannel, ensemble: EnsembleRun, directory: Path) -> list[
 
 
 @plots.styled
-def _membrane(case: YeastChannel, ensemble: EnsembleRun):
+def _membrane(case: results.Channel, ensemble: EnsembleRun):
     figure, axes = plots.new_figure(5.2, 3.2)
     theta = np.linspace(0, 360, 241)
     for k, (star, frame) in enumerate(_frames(case, ensemble).items()):
@@ -102,7 +100,7 @@ def _membrane(case: YeastChannel, ensemble: EnsembleRun):
 
 
 @plots.styled
-def _binding(case: YeastChannel, ensemble: EnsembleRun):
+def _binding(case: results.Channel, ensemble: EnsembleRun):
     figure, axes = plots.new_figure(5.2, 3.2)
     table = reference.load("yeast_channel_mean")
     axes.plot(table["t_star"], table["RL_mean"], "--", color="black", label="finite elements")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -14,12 +14,29 @@ from particell.cases.base import Metric
 from particell.cases.scores import binomial_metric
 from particell.output.run import Run
 
-if TYPE_CHECKING:
-    from particell.cases.yeast_channel import YeastChannel
-
 #: Limit of the relative L2 errors.
 LIMIT = 0.05
 TIMES = (1.0, 2.0)
+
+
+class Channel(Protocol):
+    """What is read of a :class:`.YeastChannel`, which says what it means."""
+
+    height: float
+    radius: float
+    position: float
+    mean_velocity: float
+    concentration: float
+    end: float
+
+    @property
+    def chemistry(self) -> str: ...
+    @property
+    def as_reference(self) -> bool: ...
+    @property
+    def time_unit(self) -> float: ...
+    @property
+    def centre(self) -> tuple[float, float]: ...
 
 
 def suffixes(run: Run) -> dict[str, str]:
@@ -28,7 +45,7 @@ def suffixes(run: Run) -> dict[str, str]:
     return {k: s for k, s in both.items() if f"concentration/L{s}" in run.field_names}
 
 
-def centreline(case: YeastChannel, run: Run, field: str, frame: int) -> tuple[np.ndarray, ...]:
+def centreline(case: Channel, run: Run, field: str, frame: int) -> tuple[np.ndarray, ...]:
     """x* and a field along y = H/2, outside the cytoplasm."""
     star = reference.load("yeast_channel_centreline")["x_star"]
     line = np.stack([star * case.height, np.full(len(star), 0.5 * case.height)], axis=-1)
@@ -36,7 +53,7 @@ def centreline(case: YeastChannel, run: Run, field: str, frame: int) -> tuple[np
     return star, values[:, 0] if values.ndim > 1 else values
 
 
-def around_membrane(case: YeastChannel, run: Run, field: str, frame: int) -> tuple[np.ndarray, ...]:
+def around_membrane(case: Channel, run: Run, field: str, frame: int) -> tuple[np.ndarray, ...]:
     """Angle in degrees (0 = downstream) and a field of the membrane's particles."""
     mask = run.group("membrane")
     offset = run.field("position")[frame][mask] - np.array(case.centre)
@@ -58,12 +75,12 @@ def time_column(kind: str, star: float) -> str:
     return f"{kind}_t{star:.1f}"
 
 
-def finite_elements(case: YeastChannel) -> str:
+def finite_elements(case: Channel) -> str:
     """The reference's name in a legend."""
     return "finite elements" + ("" if case.as_reference else " (default parameters)")
 
 
-def metrics(case: YeastChannel, run: Run) -> dict[str, Metric]:
+def metrics(case: Channel, run: Run) -> dict[str, Metric]:
     """Errors against the finite elements, and of the molecules against the concentrations."""
     found: dict[str, Metric] = {}
     largest = LIMIT if case.as_reference else None
@@ -110,7 +127,7 @@ def _molecules_against_concentrations(run: Run, frame: int) -> Metric:
     return binomial_metric(values("count/RL_molecules"), number, share)
 
 
-def figures(case: YeastChannel, run: Run, directory: Path) -> list[Path]:
+def figures(case: Channel, run: Run, directory: Path) -> list[Path]:
     """Particles, fields, centreline and membrane."""
     made = []
 
@@ -154,13 +171,13 @@ def figures(case: YeastChannel, run: Run, directory: Path) -> list[Path]:
     return made
 
 
-def _frames(case: YeastChannel, run: Run) -> dict[float, int]:
+def _frames(case: Channel, run: Run) -> dict[float, int]:
     end = run.times[-1] / case.time_unit
     return {s: run.at(s * case.time_unit) for s in TIMES if s <= end * (1 + 1e-9)}
 
 
 @plots.styled
-def _close_up(case: YeastChannel, run: Run, frame: int):
+def _close_up(case: Channel, run: Run, frame: int):
     figure, axes = plots.new_figure(4.2, 3.6)
     position = (run.field("position")[frame] - np.array(case.centre)) * 1e6
     for k, name in enumerate(run.group_names):
@@ -176,7 +193,7 @@ def _close_up(case: YeastChannel, run: Run, frame: int):
 
 
 @plots.styled
-def _centreline_figure(case: YeastChannel, run: Run):
+def _centreline_figure(case: Channel, run: Run):
     figure, axes = plots.new_figure(5.2, 3.2)
     table = reference.load("yeast_channel_centreline")
     for k, (star, frame) in enumerate(_frames(case, run).items()):
@@ -206,7 +223,7 @@ def _centreline_figure(case: YeastChannel, run: Run):
 
 
 @plots.styled
-def _membrane_figure(case: YeastChannel, run: Run):
+def _membrane_figure(case: Channel, run: Run):
     figure, axes = plots.new_figure(5.2, 3.2)
     theta = np.linspace(0, 360, 241)
     for k, (star, frame) in enumerate(_frames(case, run).items()):
@@ -241,7 +258,7 @@ def finish_membrane(axes: Any) -> None:
 
 
 @plots.styled
-def _binding_figure(case: YeastChannel, run: Run):
+def _binding_figure(case: Channel, run: Run):
     figure, axes = plots.new_figure(5.2, 3.2)
     table = reference.load("yeast_channel_mean")
     axes.plot(table["t_star"], table["RL_mean"], "-", color="black", label=finite_elements(case))

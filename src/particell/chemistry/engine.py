@@ -32,7 +32,15 @@ from particell.chemistry.walks import Walks
 from particell.compute.batches import batch_size
 from particell.compute.device import Device
 from particell.compute.neighbours import NeighbourList
-from particell.compute.philox import JUMP, REACTION, RESERVOIR, ROUNDING, SPONGE, stream_key
+from particell.compute.philox import (
+    JUMP,
+    REACTION,
+    RESERVOIR,
+    ROUNDING,
+    SPONGE,
+    check_word,
+    stream_key,
+)
 from particell.errors import InputError, RunError
 from particell.kernels import kernel_code, normalisation
 from particell.laws import diffusion
@@ -157,7 +165,7 @@ class Chemistry(Contents):
         self._keys = {p: tuple(stream_key(seed, p)) for p in purposes}
         self._switching = [int(s) for s in self.stochastic.switching]
         self._switch = {"SWITCH": bool(self._switching)}
-        self._pair = {"DIM": dim, "SURFACE": surface, "FLUX": flux, **self._switch}
+        self._pair = {"DIM": dim, "KERNEL": code, "SURFACE": surface, "FLUX": flux, **self._switch}
         strang = splitting == "strang"
         self._fields = scratch_fields(
             device, particles, self.deterministic, self.stochastic, surface, flux, strang
@@ -272,9 +280,12 @@ class Chemistry(Contents):
 
         Raises
         ------
+        InputError
+            Where the step's number is 2^32 or more: random numbers would be used twice.
         RunError
             Where reactions are too fast to be computed, naming a particle.
         """
+        check_word("step of species", step_index)
         self._bind()
         self._time, begin = time, time - tau if time == time else 0.0
         n = self.particles.n
@@ -335,6 +346,7 @@ class Chemistry(Contents):
         step_index
             Number of the step (the random numbers of rounding molecules).
         """
+        check_word("step of species", step_index)
         self._bind()
         table, column = self._column(name)
         n = self.particles.n

@@ -8,6 +8,7 @@ with walls and edges as they are, and longer steps are divided.
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Mapping
 from typing import Any
@@ -18,7 +19,6 @@ from particell.chemistry import fluxes
 from particell.chemistry.network import Tables
 from particell.chemistry.origin import origin
 from particell.chemistry.reservoirs import FREE, HELD, WALL_FLUX, WALL_VALUE
-from particell.compute.batches import batch_buffer
 from particell.compute.device import Device
 from particell.compute.reduce import Reduction
 from particell.laws import carriers as law
@@ -47,12 +47,7 @@ def carrier_codes(tables: Tables, receives: np.ndarray) -> np.ndarray:
 
 def weight_fields(device: Device, n: int, dim: int, uniform: bool, normalise: bool) -> dict:
     """Arrays that all sets of weights use one after the other."""
-    if normalise:
-        made = law.tensor_fields(device, n, dim, uniform)
-    else:
-        made = {"tensor": device.zeros((1, 1)), "near_volume": batch_buffer(device, n)}
-        for name in ("near_factor", "near_offset", "near_product", "near_square"):
-            made[name] = device.zeros(1)
+    made = law.tensor_fields(device, n, dim, uniform) if normalise else {}
     made["row_rate"] = device.zeros(n, np.float64)
     made["negative"] = device.zeros(n, np.int64)
     return made
@@ -106,33 +101,36 @@ class Exchange:
         """Look up the loops' arrays for a neighbour list with room for ``pairs``."""
         bind, dim = self.device.bind, shape["DIM"]
         self.fields["exchange"] = self.device.zeros(pairs, np.float64)
-        columns = self.device.array(np.array(self.amounts, np.int64))
-        self._all = f = {**fields, **self.fields, "columns": columns}
+        partners = self.device.to_host(fields["partner"])
+        self._all = f = {**fields, **self.fields}
         if normalise:
             self._slopes = bind(law.carrier_tensors, f, **shape)
         else:
             slopes = diffusion.pair_slopes(dim, shape["KERNEL"], shape["UNIFORM"])
             self._slopes = slopes.bind(self.device, f, self._scratch)
-        weights = {
-            "DIM": dim,
-            "NORMALISE": normalise,
-            "SURFACE": self._has_surface(constants),
-            "BATCH": shape["BATCH"],
-        }
-        self._weights = bind(law.carrier_weights, f, **weights)
-        self._facing = bind(fluxes.facing_area, f, DIM=dim)
-        self._diffuse = bind(diffusion.diffuse, f, **constants)
-
-    @staticmethod
-    def _has_surface(constants: dict[str, Any]) -> bool:
-        return bool(constants["SURFACE"] or constants["FLUX"])
+        kernel, groups = shape["KERNEL"], len(self._scale)
+        walls = bool(constants["SURFACE"] or constants["FLUX"])
+        weights = law.carrier_weights(dim, kernel, groups, normalise, walls)
+        self._weights = weights.bind(self.device, f, self._scratch)
+        self._facing: Any = None
+        if walls:
+            facing = fluxes.facing_area(dim, kernel)
+            self._facing = facing.bind(self.device, f, self._scratch)
+        self._diffuse = []
+        for column in self.amounts:
+            partner = int(partners[column])
+            switch = constants["SWITCH"] and partner >= 0
+            sweep = diffusion.diffuse(dim, kernel, groups, walls, switch)
+            run = sweep.bind(self.device, f, self._scratch)
+            numbers = {"column": column, **({"counted": partner} if switch else {})}
+            self._diffuse.append(functools.partial(run, **numbers))
 
     def measure(self, n: int, areas: Mapping[int, float]) -> None:
         """The weights of n particles where they are now, and the shares of walls with a flux."""
         self._slopes(n)
         self._weights(n)
         for g, area in areas.items():
-            self._facing(n, g)
+            self._facing(n, wanted=g)
             total = self._reduction.sum(self._all["facing"].reshape(n, 1))[0]
             self._scale[g] = area / total if total > 0 else 0.0
         if areas:
@@ -147,8 +145,8 @@ class Exchange:
 
     def diffuse(self, n: int, tau: float) -> None:
         """One explicit step of the concentrations."""
-        if self.amounts:
-            self._diffuse(n, tau)
+        for exchange in self._diffuse:
+            exchange(n, tau=tau)
 
 
 def exchanges(

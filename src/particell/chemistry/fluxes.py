@@ -24,61 +24,45 @@ that enter are a Poisson stream (:mod:`particell.chemistry.jumps`).
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from particell.chemistry.reservoirs import FluxWall
-from particell.compute.loop import particle_loop
+from particell.compute.expressions import where
+from particell.compute.sweep import Sweep
 from particell.errors import InputError
 from particell.geometry.domain import Domain
-from particell.laws.diffusion import wall_distance
+from particell.laws.diffusion import WEIGHED_WALLS
+from particell.laws.law import Adds, Law
 from particell.particles import Particles
+from particell.sources.source import Names
 
 
-@particle_loop
-def facing_area(
-    i,
-    wanted,
-    x,
-    support,
-    group,
-    is_wall,
-    start,
-    stop,
-    neighbours,
-    period,
-    inverse_period,
-    exchange,
-    wall_normal,
-    wall_depth,
-    wall_curvature,
-    facing,
-    *,
-    DIM,
-):
-    """The part of the area of wall group ``wanted`` that particle i faces, before scaling."""
-    facing[i] = 0.0
-    if is_wall[i]:
-        return
-    total = 0.0
-    for k in range(start[i], stop[i]):
-        j = neighbours[k]
-        if group[j] == wanted:
-            distance = wall_distance(
-                x,
-                support,
-                wall_normal,
-                wall_depth,
-                wall_curvature,
-                i,
-                j,
-                period,
-                inverse_period,
-                DIM,
-            )
-            total += exchange[k] * (distance + wall_depth[j])
-    facing[i] = total
+class FacingArea(Law):
+    """The part of the area of wall group ``wanted`` that a particle faces, before scaling."""
+
+    def pair(self, i: Any, j: Any, ij: Any) -> Adds:
+        """a_ij/λ, in m^(D−1)."""
+        area = ij.kept("exchange") * (ij.above + ij.depth)
+        return {"facing": where(j.group == i.wanted, area, 0.0)}
+
+
+def facing_area(dim: int, kernel: int) -> Sweep:
+    """The sum of :class:`FacingArea`, zero for walls."""
+    fields: dict[str, int | str] = {"x": dim, "support": 0, "group": 0, "facing": 0}
+    names = Names(dim, fields, numbers=frozenset({"wanted"}))
+    return Sweep(
+        "facing_area",
+        (FacingArea(),),
+        (WEIGHED_WALLS,),
+        names,
+        kernel,
+        uniform=True,
+        zeroed=("facing",),
+        exact=True,
+    )
 
 
 def wall_areas(

@@ -6,103 +6,97 @@ The equations are in :mod:`particell.chemistry.jumps` and, for walls, in
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Any
+
 import numpy as np
+from numba import njit
 
-from particell.compute.loop import particle_loop
-from particell.laws.diffusion import exchange_velocity, surface_factor, wall_distance
+from particell.chemistry.reservoirs import FREE, HELD, WALL_FLUX, WALL_VALUE
+from particell.compute.expressions import call, where
+from particell.compute.sweep import Sweep
+from particell.laws.diffusion import exchange_velocity, weighed_sources
+from particell.laws.law import Adds, Law
 from particell.materials import AVOGADRO
+from particell.sources.source import Names
 
 
-@particle_loop
-def jump_rates(
-    i,
-    x,
-    support,
-    volume,
-    depth,
-    group,
-    start,
-    stop,
-    neighbours,
-    period,
-    inverse_period,
-    exchange,
-    pair_kappa,
-    status,
-    value,
-    inward,
-    transfer,
-    diffusivity,
-    receives,
-    wall_scale,
-    wall_normal,
-    wall_depth,
-    wall_curvature,
-    s,
-    continuous,
-    cumulative,
-    leave_rate,
-    inflow,
-    *,
-    DIM,
-    SURFACE,
-    FLUX,
-    SWITCH,
-):
-    """Cumulative jump rates along row i, their total, and the stream that comes in from outside.
+@njit
+def as_kept(rate):
+    """A sum as the last of the cumulative rates has it, in single precision."""
+    return np.float64(np.float32(rate))
 
-    ``leave_rate`` is 0 where molecules vanish (reservoirs, walls with a value). ``inflow`` is in
-    molecules/s from walls with a value or a flux; for a reservoir in 1/s, for each of its
-    molecules. With ``SWITCH`` what is exchanged between amounts (and with walls) is left out.
+
+@dataclass(frozen=True)
+class JumpRates(Law):
+    """Rates of jumps of one species, and what comes in from outside.
+
+    Attributes
+    ----------
+    switch
+        What is exchanged between amounts (and with walls) is left out.
     """
-    g = group[i]
-    is_amount = SWITCH and continuous[i, s] != 0
-    inverse_volume = 1.0 / volume[i]
-    rate = 0.0
-    stream = 0.0
-    for k in range(start[i], stop[i]):
-        j = neighbours[k]
-        other = group[j]
-        part = pair_kappa[g, other] * exchange[k] * inverse_volume
-        if SWITCH and is_amount and (continuous[j, s] != 0 or status[other] >= 2):
-            part = 0.0
-        if SURFACE and status[other] == 2 and part > 0.0:
-            part *= surface_factor(
-                x,
-                support,
-                wall_normal,
-                wall_depth,
-                wall_curvature,
-                i,
-                j,
-                period,
-                inverse_period,
-                DIM,
-            )
-            stream += part * value[other]
-        if FLUX and status[other] == 3 and receives[g] != 0 and not is_amount:
-            distance = wall_distance(
-                x,
-                support,
-                wall_normal,
-                wall_depth,
-                wall_curvature,
-                i,
-                j,
-                period,
-                inverse_period,
-                DIM,
-            )
-            part = exchange[k] * inverse_volume * (distance + wall_depth[j]) * wall_scale[other]
-            speed = exchange_velocity(transfer[other], diffusivity[g], distance)
-            stream += part * (inward[other] + speed * value[other])
-            part *= speed
-        rate += part
-        cumulative[k] = rate
-    total = 0.0
-    if stop[i] > start[i]:
-        total = np.float64(cumulative[stop[i] - 1])
-    leave_rate[i] = total if status[g] == 0 else 0.0
-    inflow[i] = stream * volume[i] * depth * AVOGADRO
-    if status[g] == 1:
-        inflow[i] = total
+
+    switch: bool = False
+
+    own = ("rate", "stream")
+
+    def pair(self, i: Any, j: Any, ij: Any) -> Adds:
+        """From i to j in 1/s; from a wall in mol/m^D/s."""
+        weight = ij.kept("exchange") * (1.0 / i.volume)
+        rate = ij.of_groups("pair_kappa") * weight
+        if self.switch:
+            amounts = (i.continuous != 0) & ((j.continuous != 0) | (j.status >= WALL_VALUE))
+            rate = where(amounts, 0.0, rate)
+        if not ij.wall:
+            return {"rate": rate}
+        grown = where((j.status == WALL_VALUE) & (rate > 0.0), rate * ij.extrapolation, rate)
+        stream = where(j.status == WALL_VALUE, where(rate > 0.0, grown * j.value, 0.0), 0.0)
+        takes = (j.status == WALL_FLUX) & (i.receives != 0)
+        if self.switch:
+            takes = takes & (i.continuous == 0)
+        area = weight * (ij.above + ij.depth) * j.wall_scale
+        speed = exchange_velocity(j.transfer, i.diffusivity, ij.above)
+        return {
+            "rate": where(takes, area * speed, grown),
+            "stream": where(takes, area * (j.inward + speed * j.value), stream),
+        }
+
+    def finish(self, i: Any, sums: Any) -> Adds:
+        """The rate of leaving, 0 where molecules vanish (reservoirs, walls with a value).
+
+        The stream is in molecules/s; for a reservoir in 1/s, for each of its molecules.
+        """
+        total = call(as_kept, (sums.rate,))
+        stream = sums.stream * i.volume * i.depth * AVOGADRO
+        return {
+            "leave_rate": where(i.status == FREE, total, 0.0),
+            "inflow": where(i.status == HELD, total, stream),
+        }
+
+
+def jump_rates(dim: int, kernel: int, groups: int, walls: bool, switch: bool) -> Sweep:
+    """``leave_rate`` and ``inflow``, and the rates along rows as ``cumulative`` sums.
+
+    With ``switch`` the column of ``continuous`` is the number ``s``.
+    """
+    fields: dict[str, int | str] = {"x": dim, "support": 0, "volume": 0, "continuous": "s"}
+    of_groups = ("status", "value", "inward", "transfer", "diffusivity", "receives", "wall_scale")
+    names = Names(
+        dim,
+        {**fields, "leave_rate": 0, "inflow": 0},
+        dict.fromkeys(of_groups, True),
+        frozenset({"depth"}),
+        groups=groups,
+    )
+    return Sweep(
+        "jump_rates_beside_walls" if walls else "jump_rates",
+        (JumpRates(switch),),
+        weighed_sources(walls),
+        names,
+        kernel,
+        uniform=True,
+        targets="all",
+        running={"cumulative": "rate"},
+        exact=True,
+    )

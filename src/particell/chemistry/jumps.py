@@ -23,9 +23,12 @@ Molecules that come in from outside during the step (reservoirs, walls with a su
 Poisson stream with uniform entry times. They walk for the rest of τ, or do the rounds with the law
 of the number of candidates after a uniform time.
 
-Every particle draws from a Philox stream of its own for each round, and arrivals are summed as
-integers, so results do not depend on the number of threads. Rates are stored and looked up in
-single precision (rounding 6e-8 of k_i), as cumulative sums along the row of the neighbour list.
+Random numbers are those of (id of the particle, step, walker, hop), each walker having a Philox
+stream of its own; the draws of whole groups are walker :data:`GROUP`. The key is that of species
+and round. Arrivals are summed as integers, so results depend neither on the number of threads nor
+on the order in which particles and walkers come; a walk could be broken off anywhere and go on
+elsewhere. Rates are stored and looked up in single precision (rounding 6e-8 of k_i), as cumulative
+sums along the row of the neighbour list.
 """
 
 from __future__ import annotations
@@ -49,6 +52,8 @@ from particell.materials import AVOGADRO
 
 #: Cost of one binomial draw in units of one walked molecule: decides between the two ways.
 BINOMIAL_COST = 1.2
+#: What stands in the place of a walker's number in the draws of a group, and of what is rounded.
+GROUP, ROUNDED = np.uint64(0xFFFFFFFF), np.uint64(0xFFFFFFFE)
 #: Columns of the counters: jumps made, molecules that go on into the next round.
 JUMPS, PENDING = 0, 1
 #: 1 - 2^-23: the product with a single-precision number rounds to a smaller one.
@@ -80,7 +85,6 @@ def move(
     further,
     binomial_cost,
     s,
-    stream,
     step,
     key0,
     key1,
@@ -108,9 +112,9 @@ def move(
     """Round m for the molecules of particle i: those it holds (m = 0), or those that arrived.
 
     Molecules whose walk is over are added to ``landed``, those that may have further candidates
-    to ``moving``; both have shape (threads, n). ``stream`` tells apart the sets of rounds of one
-    step (species; residents and those from outside). With ``SWITCH`` particle i may hold an amount
-    (in ``column``) instead, which sends and takes molecules of ``quantum`` mol each.
+    to ``moving``; both have shape (threads, n). The key tells apart rounds and the sets of them in
+    one step (species; residents and those from outside). With ``SWITCH`` particle i may hold an
+    amount (in ``column``) instead, which sends and takes molecules of ``quantum`` mol each.
 
     The walk of a molecule is written out here and in :func:`enter`: as a function that takes
     arrays it would be slower by half, Numba counting references of each array in every call.
@@ -119,8 +123,7 @@ def move(
     worth = 0.0
     if SWITCH and continuous[i, s] != 0 and m == 0:
         worth = amount[i, column] / quantum
-        last = np.uint64(stream * 65536 + 65535)  # no round has this number
-        number = stochastic_round(worth, np.uint64(id[i]), np.uint64(step), last, key0, key1)
+        number = stochastic_round(worth, np.uint64(id[i]), np.uint64(step), ROUNDED, key0, key1)
     if number == 0:
         return
     if status[group[i]] != 0:
@@ -129,13 +132,12 @@ def move(
         return
     c0 = np.uint64(id[i])
     c1 = np.uint64(step)
-    c2 = np.uint64(stream * 65536 + m)
     jumps = 0
     leave = leave_rate[i]
     limit = binomial_cost * (stop[i] - start[i])
     p = -math.expm1(-leave * tau)
     timed = m == 0 and (leave == 0.0 or number * p < limit * max(1.0, fastest * tau))
-    going, block = binomial(number, p if timed else further[m], c0, c1, c2, 0, key0, key1)
+    going, block = binomial(number, p if timed else further[m], c0, c1, GROUP, 0, key0, key1)
     if SWITCH and continuous[i, s] != 0:
         if m == 0:
             going = min(going, np.int64(math.floor(worth)))
@@ -147,14 +149,13 @@ def move(
     else:
         count[i, s] += number - going
     if timed or going < limit:
-        for _ in range(going):
+        for walker in range(going):
             place = np.int64(i)
             left = tau  # an upper bound until the time of the first jump is needed
             tries = 0
             walking = True
             while walking:
-                w0, w1, w2, _w3 = philox(c0, c1, c2, np.uint64(block), key0, key1)
-                block += 1
+                w0, w1, w2, _w3 = philox(c0, c1, np.uint64(walker), np.uint64(tries), key0, key1)
                 tries += 1
                 rate = leave_rate[place]
                 target = uniform32(w0) * (rate if timed else fastest)
@@ -185,7 +186,7 @@ def move(
         if going > 0:
             high = np.float64(cumulative[k])
             part, block = conditional_binomial(
-                going, low, high, fastest, c0, c1, c2, block, key0, key1
+                going, low, high, fastest, c0, c1, GROUP, block, key0, key1
             )
             low = high
             if part > 0:
@@ -202,7 +203,6 @@ def enter(
     tau,
     binomial_cost,
     s,
-    stream,
     step,
     key0,
     key1,
@@ -233,18 +233,17 @@ def enter(
         return
     c0 = np.uint64(id[i])
     c1 = np.uint64(step)
-    c2 = np.uint64(stream * 65536)
     jumps = 0
     reservoir = status[group[i]] == 1
     mean = inward * tau
     if reservoir:
         mean *= held[group[i], s] * volume[i] * depth * AVOGADRO
-    number, block = poisson(mean, c0, c1, c2, 0, key0, key1)
+    number, block = poisson(mean, c0, c1, GROUP, 0, key0, key1)
     count_booked[i, s] += number
     if number < binomial_cost * (stop[i] - start[i]):
-        for _ in range(number):
-            w0, w1, _w2, _w3 = philox(c0, c1, c2, np.uint64(block), key0, key1)
-            block += 1
+        for walker in range(number):
+            w0, w1, _w2, _w3 = philox(c0, c1, np.uint64(walker), np.uint64(0), key0, key1)
+            hop = 1
             place = np.int64(i)
             left = tau * uniform32(w0)
             rate = inward
@@ -254,8 +253,8 @@ def enter(
                 left += math.log(uniform32(w1)) / rate
                 walking = left > 0.0
             while walking:
-                w0, w1, _w2, _w3 = philox(c0, c1, c2, np.uint64(block), key0, key1)
-                block += 1
+                w0, w1, _w2, _w3 = philox(c0, c1, np.uint64(walker), np.uint64(hop), key0, key1)
+                hop += 1
                 target = uniform32(w0) * rate
                 slot = find_slot(cumulative, start[place], stop[place], target)
                 place = np.int64(neighbours[slot])
@@ -276,7 +275,7 @@ def enter(
             if number > 0:
                 high = np.float64(cumulative[k])
                 part, block = conditional_binomial(
-                    number, low, high, inward, c0, c1, c2, block, key0, key1
+                    number, low, high, inward, c0, c1, GROUP, block, key0, key1
                 )
                 low = high
                 if part > 0:

@@ -3,24 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING
+from typing import Any
 
 from particell.representation import shown, table
-
-if TYPE_CHECKING:
-    from particell.chemistry.reactions import Reaction
-    from particell.chemistry.species import Species
 
 _RATE_UNITS = ("mol/m³/s", "1/s", "m³/mol/s", "m⁶/mol²/s")
 
 
-def species_table(species: Iterable[Species]) -> str:
+def species_table(species: Iterable[Any]) -> str:
     """Name, kind, diffusivity and place of each species."""
     rows = [(s.name, _kind(s), s.diffusivity, _place(s.only_in)) for s in species]
     return table(rows, ("species", "as", "diffusivity [m²/s]", "in"))
 
 
-def reaction_table(reactions: Iterable[Reaction]) -> str:
+def reaction_table(reactions: Iterable[Any]) -> str:
     """Equation, rates and place of each reaction."""
     rows = []
     for r in reactions:
@@ -35,7 +31,7 @@ def reaction_table(reactions: Iterable[Reaction]) -> str:
     return table(rows, ("reaction", "forward", "backward", "in"))
 
 
-def _kind(species: Species) -> str:
+def _kind(species: Any) -> str:
     if species.switches:
         above, below = species.switch_above, species.switch_below
         return f"molecules; an amount from {above:g} on, back below {below:g}"

@@ -237,6 +237,9 @@ def _tables(
     group_names = [g.name for g in groups]
     for boundary in boundaries:
         g = group_names.index(boundary.group)
+        if groups[g].kind != "wall" and not isinstance(boundary, Reservoir):
+            kind = f"group of {type(boundary).__name__}"
+            raise InputError(kind, boundary.group, "a wall: its particles know their surface")
         for name, concentration in boundary.values.items():
             if name not in names:
                 continue

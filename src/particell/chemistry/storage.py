@@ -121,7 +121,6 @@ def table_fields(device: Device, tables: Tables, receives: np.ndarray) -> dict[s
         "transfer": array(tables.transfer),
         "diffusivity": array(tables.diffusivity),
         "receives": array((tables.present & receives[:, None]).astype(np.uint8)),
-        "columns": array(tables.diffusing),
         "partner": array(tables.partner),
         "takes_part": array(reacting["takes_part"]),
         "shared": array(tables.shared),

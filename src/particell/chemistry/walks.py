@@ -12,6 +12,7 @@ from particell.chemistry import jumps
 from particell.chemistry.jumprates import jump_rates
 from particell.chemistry.origin import origin
 from particell.compute.device import Device
+from particell.compute.philox import check_word, part_key
 from particell.compute.reduce import Reduction
 from particell.errors import RunError
 
@@ -69,6 +70,7 @@ class Walks:
         self.device, self.columns, self.open_ended = device, columns, open_ended
         self.partner = [int(max(0, partner[s])) for s in columns]
         self._fields, self._constants = dict(fields), constants
+        self._key = self._fields.pop("key0"), self._fields.pop("key1")
         self._reduction = Reduction(device)
         self._tables = (
             CandidateTable(device, jumps.resident_probabilities),
@@ -86,11 +88,17 @@ class Walks:
     def _bind(self) -> None:
         bind, f = self.device.bind, self._fields
         switch = {"SWITCH": self._constants["SWITCH"]}
-        self.rates = bind(jump_rates, {**f, "s": self.columns[0]}, **self._constants)
+        self.rates = self._bound_rates()
         self.moves = [bind(jumps.move, {**f, "further": t.array}, **switch) for t in self._tables]
         self.enter = bind(jumps.enter, f)
         self.collect = bind(jumps.collect, f)
         self.settle = bind(jumps.settle, f, **switch)
+
+    def _bound_rates(self) -> Any:
+        c = self._constants
+        groups, walls = len(self._fields["status"]), c["SURFACE"] or c["FLUX"]
+        sweep = jump_rates(c["DIM"], c["KERNEL"], groups, walls, c["SWITCH"])
+        return sweep.bind(self.device, {**self._fields, "s": self.columns[0]}, {})
 
     def renew(self, n: int, step: int, time: float) -> None:
         """The jump rates of n particles where they are now; step and time (s) are for messages.
@@ -113,36 +121,55 @@ class Walks:
         """Move the molecules of n particles during tau; the jumps made.
 
         ``stream`` is the first of the sets of random numbers, two for each species.
+
+        Raises
+        ------
+        InputError
+            Where molecules make so many jumps that random numbers would be used twice.
         """
         fastest = self._fastest
         mean = fastest * tau
         length = jumps.rounds_needed(mean)
+        check_word("jumps of a molecule in a step", 2 * length)
         if length > len(self._tables[0].array):
             self._reserve(length)
             self._bind()
         made = 0
         for s, column in zip(self.columns, self.partner, strict=True):
             own = stream + 2 * s
+            numbers = (tau, fastest, binomial_cost, s, step)
             if fastest > 0:
                 self._tables[0].fill(mean, length)
-                numbers = (tau, fastest, binomial_cost, s, own, step, column)
-                made += self._rounds(n, 0, length, True, numbers)
+                made += self._rounds(n, 0, length, True, own, numbers, column)
             if self.open_ended:
-                self.enter(n, tau, binomial_cost, s, own + 1, step)
+                self.enter(n, tau, binomial_cost, s, step, *self._key_of(own + 1, 0))
                 jumped, pending = self._count_up()
                 self._tables[1].fill(mean, length)
-                numbers = (tau, fastest, binomial_cost, s, own + 1, step, column)
-                made += jumped + self._rounds(n, 1, length, pending, numbers)
+                made += jumped
+                made += self._rounds(n, 1, length, pending, own + 1, numbers, column)
             self.settle(n, s, column)
         return made
 
-    def _rounds(self, n: int, first: int, last: int, pending: bool, numbers: tuple) -> int:
+    def _key_of(self, stream: int, m: int) -> tuple[np.uint64, np.uint64]:
+        """The key of a round's random numbers."""
+        return part_key(self._key, stream, m)
+
+    def _rounds(
+        self,
+        n: int,
+        first: int,
+        last: int,
+        pending: bool,
+        stream: int,
+        numbers: tuple,
+        column: int,
+    ) -> int:
         """Rounds (from 0 for residents, 1 for those from outside) until all walks are over."""
         made, m = 0, first
         while pending and m < last:
             if m > 0:
                 self.collect(n)
-            self.moves[first](n, m, *numbers)
+            self.moves[first](n, m, *numbers, *self._key_of(stream, m), column)
             jumped, pending = self._count_up()
             made += jumped
             m += 1

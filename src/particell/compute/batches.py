@@ -19,15 +19,12 @@ compiler vectorise (so buffers are one-dimensional and widths are compile-time c
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from numba import njit
 
 from particell.compute.threads import available_threads
-
-if TYPE_CHECKING:
-    from particell.compute.device import Device
 
 #: Pairs of a batch on a CPU; 2D rows fit into one.
 BATCH = 64
@@ -35,17 +32,17 @@ BATCH = 64
 LANES = np.uint64(8)
 
 
-def batch_size(device: Device) -> int:
+def batch_size(device: Any) -> int:
     """Pairs of a batch on a device: the compile-time constant ``BATCH`` of loops."""
     return BATCH if device.backend == "cpu" else 1
 
 
-def batch_rows(device: Device, n: int) -> int:
+def batch_rows(device: Any, n: int) -> int:
     """Rows of a buffer for n particles: one for each thread, or for each particle on a GPU."""
     return max(1, min(n, available_threads()) if device.backend == "cpu" else n)
 
 
-def batch_buffer(device: Device, n: int, width: int = 1, dtype: type | None = None):
+def batch_buffer(device: Any, n: int, width: int = 1, dtype: type | None = None):
     """A buffer for batches of n particles with ``width`` numbers for each pair.
 
     One-dimensional, with ``batch_size(device)`` pairs a row; of one number where n is 0.

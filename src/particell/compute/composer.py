@@ -44,9 +44,9 @@ class _Generator(Generator):
         """See the base."""
         loop = self._loop(self.values.roots, self.width)
         self.arguments = {}
-        lines = [f"at = i * {self.width}", *self._packed()]
+        lines = [f"at = i * {self.width}", *self._record()]
         pack = self._definition(f"pack_{self.plan.name}", "i", lines, "@particle_loop")
-        return self._module(loop, pack)
+        return self._module(loop, pack if self._packed else [])
 
     def _loop(self, roots: list[dict[str, tuple[Any, ...]]], width: int) -> list[str]:
         plan = self.plan
@@ -57,9 +57,12 @@ class _Generator(Generator):
         parts = [self.values.split(found) for found in roots]
         once = [number for _, needed in parts for number in needed]
         head = self._skipped()
-        head += [f"own = np.uint64(i) * np.uint64({width})", *self._own_place()]
-        head += [f"wraps = {self._argument('crosses')}[i] != 0"]
-        head += [f"reach2 = {self._argument('support')}[i] * support[i]"]
+        if self._packed:
+            head += [f"own = np.uint64(i) * np.uint64({width})", *self._own_place()]
+        at = len(head)
+        if self.values.placed:
+            head += [f"wraps = {self._argument('crosses')}[i] != 0"]
+            head += [f"reach2 = {self._argument('support')}[i] * support[i]"]
         head += self._write(own, once, named=True)
         head += [f"{name} = 0.0" for name in self._accumulators()]
         body: list[str] = []
@@ -67,10 +70,10 @@ class _Generator(Generator):
             body += self._pass(p, found, columns, own, width)
         lines = [*head, *body, *self._finish(own)]
         read = set(re.findall(r"\bown_\d+\b", "\n".join(lines)))
-        at = lines.index(f"x{plan.dim - 1} = record[own + np.uint64({plan.dim - 1})]") + 1
         places = [k for k in self.values.record.values() if f"own_{k}" in read]
         lines[at:at] = [f"own_{k} = record[own + np.uint64({k})]" for k in places]
-        decorator = "@particle_loop" + ("(vectorise=True)" if self.form == "gather" else "")
+        vectorise = self.form == "gather" and not all(p.weighed for p in plan.passes)
+        decorator = "@particle_loop" + ("(vectorise=True)" if vectorise else "")
         return self._definition(plan.name, "i", lines, decorator)
 
     def _skipped(self) -> list[str]:
@@ -84,6 +87,8 @@ class _Generator(Generator):
     def _own_place(self) -> list[str]:
         """Where particle i is, from its own record: rounded as its neighbours see it."""
         self._argument("record")
+        if not self.values.placed:
+            return []
         return [f"x{d} = record[own + np.uint64({d})]" for d in range(self.plan.dim)]
 
     def _pass(
@@ -96,18 +101,24 @@ class _Generator(Generator):
     ) -> list[str]:
         gather = self._writer("near", own.names)
         reads = self._neighbour(p, roots, columns, gather, width)
-        batches = self.form == "gather"
+        batches = self.form == "gather" and not p.weighed
         pairs = self._writer("t", own.names)
         loads = self._columns(columns, gather, pairs) if batches else []
         if not batches:
             pairs.names.update(gather.names)
-        acts = self._act(p, roots, pairs, "begin + q" if batches else "k")
+        acts = self._act(p, roots, pairs)
+        keeps = self._keep(p, roots, pairs, "begin + q" if batches else "k")
         begin, last = f"{self._argument(p.first)}[i]", f"{self._argument(p.last)}[i]"
         if p.itself:  # after the others
             last += " + 1"
         if not batches:
-            inside = acts if p.stored else ["if r2 < reach2:", *indented(acts)]
-            loop = [f"for k in range({begin}, {last}):", *indented([*reads, *inside])]
+            inside = [*reads, *acts]
+            if p.weighed and any(map(self.values.is_early, columns)):  # dear ones
+                test = f"if {self._argument(p.weighed)}[k] != 0.0:"
+                inside = [test, *indented(inside)]
+            elif not (p.stored or p.weighed):
+                inside = [*reads, "if r2 < reach2:", *indented(acts)]
+            loop = [f"for k in range({begin}, {last}):", *indented([*inside, *keeps])]
             return self._where(roots, own, loop)
         stores, fills = self._stores(columns, gather), self._fills(p, roots, columns)
         keep = "c += np.uint64(1)" if p.stored else "c += np.uint64(r2 < reach2)"
@@ -130,7 +141,7 @@ class _Generator(Generator):
             *indented([*reads, *stores, keep], 2),
             *indented(fills, 1),
             f"    for q in range(np.uint64(0), {every}):",
-            *indented([*loads, *acts], 2),
+            *indented([*loads, *acts, *keeps], 2),
             "    begin = end",
         ]
         return self._where(roots, own, lines)
@@ -154,27 +165,36 @@ class _Generator(Generator):
         row = f"{self._argument('neighbours')}[k]"
         if p.itself:
             row = f"np.uint64({row}) if k < {self._argument(p.last)}[i] else np.uint64(i)"
-        lines = [f"j = {row}", f"other = np.uint64(j) * np.uint64({width})"]
+        lines = [f"j = {row}"]
+        if self._packed:
+            lines.append(f"other = np.uint64(j) * np.uint64({width})")
+        for number, place in self.values.record.items():
+            gather.names[number] = f"record[other + np.uint64({place})]"
+        if not p.weighed or self.values.needs_places(roots):
+            lines += self._offset(p, roots, gather)
+        early = [n for n in columns if self.values.is_early(n)]
+        lines += self._write(gather, early)
+        if p.support is not None and not p.weighed:
+            (number,) = roots["support"]
+            lines += self._write(gather, [number])
+            lines.append(f"reach2 = {gather.names[number]} * {gather.names[number]}")
+        return lines
+
+    def _offset(self, p: Pass, roots: dict[str, tuple[Any, ...]], gather: Writer) -> list[str]:
+        """x_i − x_j of the nearest images, or as j is seen, and its square."""
+        lines = []
         period, inverse = self._argument("period"), self._argument("inverse_period")
         for d in range(self.plan.dim):
             lines.append(f"dx{d} = x{d} - record[other + np.uint64({d})]")
         lines.append("if wraps:")
         for d in range(self.plan.dim):
             lines.append(f"    dx{d} -= {period}[{d}] * nearest_whole(dx{d} * {inverse}[{d}])")
-        for number, place in self.values.record.items():
-            gather.names[number] = f"record[other + np.uint64({place})]"
         if p.offset:
             lines += self._write(gather, list(roots["offset"]), named=True)
             seen = [gather.names[number] for number in roots["offset"]]
             lines += [f"dx{d} = {name}" for d, name in enumerate(seen)]
         square = " + ".join(f"dx{d} * dx{d}" for d in range(self.plan.dim))
         lines.append(f"r2 = {square}")
-        early = [n for n in columns if self.values.is_early(n)]
-        lines += self._write(gather, early)
-        if p.support is not None:
-            (number,) = roots["support"]
-            lines += self._write(gather, [number])
-            lines.append(f"reach2 = {gather.names[number]} * {gather.names[number]}")
         return lines
 
     def _column(self, columns: list[int], number: int) -> str:
@@ -227,9 +247,7 @@ class _Generator(Generator):
             lines.append(f"{name} = {self._column(columns, number)} + q]")
         return lines
 
-    def _act(
-        self, p: Pass, roots: dict[str, tuple[Any, ...]], pairs: Writer, place: str
-    ) -> list[str]:
+    def _act(self, p: Pass, roots: dict[str, tuple[Any, ...]], pairs: Writer) -> list[str]:
         """Evaluate the laws of a pair and add to the sums."""
         wanted = [
             n
@@ -245,6 +263,15 @@ class _Generator(Generator):
                     lines.append(f"{target} += {pairs.names[number]}")
                 elif number:
                     lines.append(f"{target} += {number!r}")
+        return lines
+
+    def _keep(
+        self, p: Pass, roots: dict[str, tuple[Any, ...]], pairs: Writer, place: str
+    ) -> list[str]:
+        """Write what is kept of a pair."""
+        lines = []
+        for name, total in p.running.items():
+            lines.append(f"{self._argument(name)}[{place}] = {sum_names(total, 1)[0]}")
         for name in p.stored:
             (number,) = roots[f"stored {name}"]
             lines.append(f"{self._argument(name)}[{place}] = {pairs.names[number]}")

@@ -17,6 +17,8 @@ SEEING = ("support", "offset", "only")
 #: Fields that are finite as long as a run is not broken; others may hold infinity.
 FINITE = {"x", "v", "a", "mass", "volume", "support", "density", "density_half", "density_rate"}
 FINITE |= {"pressure", "pressure_term", "transport", "shift", "flux", "kernel_sum", "buoyancy"}
+#: What is true or false, which no record and no column holds.
+CONDITIONS = ("<", "<=", ">", ">=", "==", "!=", "and", "or")
 #: What is not finite, or no number, for some arguments.
 FUNCTIONS = ("call", "sqrt", "log", "exp", "**")
 
@@ -28,6 +30,8 @@ class Dependence:
     ----------
     roots
         Pass by pass, the numbers of all that it has to compute, by name.
+    placed
+        Whether places are looked at; they are then the first numbers of a record.
     record
         The largest expressions of j alone, and their places in a particle's record.
     """
@@ -40,6 +44,10 @@ class Dependence:
         self._alone: dict[int, bool] = {}
         self.record: dict[int, int] = {}
         self.roots = [self._roots(p) for p in plan.passes]
+        self.placed = not all(p.weighed for p in plan.passes) or any(
+            map(self.needs_places, self.roots)
+        )
+        self._first = plan.dim if self.placed else 0
         for found in self.roots:
             self._find_packed(found)
 
@@ -105,7 +113,9 @@ class Dependence:
             node, level = self.numbering.nodes[number], self.level(number)
             if level in (NUMBER, OWN):
                 once.setdefault(number)
-            elif level == ITS or self.is_early(number) or node.op == "symbol":
+            elif node.op not in CONDITIONS and (
+                level == ITS or self.is_early(number) or node.op == "symbol"
+            ):
                 columns.setdefault(number)
                 if level != ITS and node.op != "symbol":
                     waiting += self._own_below(number)
@@ -136,10 +146,10 @@ class Dependence:
             if number in seen:
                 continue
             seen.add(number)
-            if self.level(number) != ITS:
+            if self.level(number) != ITS or self.numbering.nodes[number].op in CONDITIONS:
                 waiting += self.numbering.uses(number)
             elif not self.is_whole(number) and not self.is_index(number):
-                self.record.setdefault(number, self.plan.dim + len(self.record))
+                self.record.setdefault(number, self._first + len(self.record))
 
     def vanishes(self, value: Any) -> bool:
         """Whether a value is zero beyond the support: it has the kernel as a factor."""
@@ -197,6 +207,11 @@ class Dependence:
             return all(map(self.vanishes_alone, parts[1:]))
         return False
 
+    def reads_along_rows(self) -> bool:
+        """Whether anything is read that is kept of pairs."""
+        whats = (node.what for node in self.numbering.nodes if node.op == "symbol")
+        return any(what[0] == "stored" for what in whats)
+
     def is_dear(self, value: Any) -> bool:
         """Whether a value takes functions of pairs that no vector computes quickly."""
         if not isinstance(value, int):
@@ -252,6 +267,12 @@ class Dependence:
                 args = (made[self.numbering(a)] if isinstance(a, Node) else a for a in node.args)
                 made[k] = Node(node.op, tuple(args), node.what)
         return self.numbering(made[number])
+
+    def needs_places(self, roots: dict[str, tuple[Any, ...]]) -> bool:
+        """Whether a pass looks at where particles are."""
+        under = self.numbering.under(n for v in roots.values() for n in v if isinstance(n, int))
+        nodes = (self.numbering.nodes[number] for number in under)
+        return any(n.op == "symbol" and n.what[0] in ("pair", "apart") for n in nodes)
 
     def is_offset(self, number: int) -> bool:
         """Whether a value is a component of x_ij."""

@@ -141,7 +141,7 @@ def _binary(op: str, a: Number, b: Number) -> Number:
 
 
 @functools.cache
-def symbol(kind: str, name: str, side: str = "", component: int | None = None) -> Node:
+def symbol(kind: str, name: str, side: str = "", component: int | str | None = None) -> Node:
     """A value that the composer knows where to find (see :class:`particell.compute.composer`)."""
     return Node("symbol", (), (kind, name, side, component))
 

@@ -2,6 +2,11 @@
 
 A random number is a pure function of what it is for: the key is (seed, purpose), the counter is
 (particle or pair, step). Nothing is carried along, so numbers do not depend on threads or order.
+
+Words have 32 bits and are cut to that; what is put into one is held to it (:func:`check_word`)
+where it comes from: ids in :class:`~particell.particles.Particles`, steps of the species in
+:class:`~particell.chemistry.engine.Chemistry`. The noise of the flow takes steps of 64 bits, in two
+words.
 """
 
 from __future__ import annotations
@@ -11,6 +16,7 @@ import math
 import numpy as np
 from numba import njit
 
+from particell.compute.loop import compiled
 from particell.errors import InputError
 
 # What a number is for; part of the key, so that no two uses share numbers.
@@ -84,6 +90,29 @@ def stream_key(seed: int, purpose: int) -> tuple[np.uint64, np.uint64]:
     if not 0 <= seed < 2**56:
         raise InputError("seed", seed, "between 0 and 2**56 - 1")
     return np.uint64(seed & 0xFFFFFFFF), np.uint64((seed >> 32) | (purpose << 24))
+
+
+@compiled
+def _derived(key0, key1, first, second):
+    w0, w1, _w2, _w3 = philox(np.uint64(first), np.uint64(second), _LOW, _LOW, key0, key1)
+    return w0, w1
+
+
+def part_key(key: tuple[np.uint64, np.uint64], first: int, second: int) -> tuple:
+    """A key for a part (of two numbers) of a purpose, where a counter has no word left for it."""
+    return tuple(np.uint64(word) for word in _derived(*key, first, second))
+
+
+def check_word(what: str, number: int) -> None:
+    """Refuse what does not fit into a word: other numbers would share its random numbers.
+
+    Raises
+    ------
+    InputError
+        Where it is not below 2^32.
+    """
+    if not 0 <= number < 2**32:
+        raise InputError(what, number, "below 2**32: random numbers would be used twice")
 
 
 @njit

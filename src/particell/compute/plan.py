@@ -29,6 +29,11 @@ class Pass:
         Whether i, which its row does not hold, is seen by itself too.
     only
         A condition on i without which nobody is seen.
+    weighed
+        The array along the list that has pairs' weights, where these are kept: all that are listed
+        act, however far they are; where the weight is zero nothing is added.
+    running
+        Sums that are kept pair by pair as they grow, by the name of an array along the list.
     """
 
     first: str
@@ -39,6 +44,13 @@ class Pass:
     offset: tuple[Any, ...] = ()
     itself: bool = False
     only: Any = None
+    weighed: str = ""
+    running: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def along_rows(self) -> bool:
+        """Whether it reads or keeps something of each pair, which stands along rows."""
+        return bool(self.stored or self.running or self.weighed)
 
     def values(self) -> list[Any]:
         """All that it computes."""
@@ -48,10 +60,14 @@ class Pass:
 
 @dataclass(frozen=True)
 class Result:
-    """What a field of particle i becomes: expressions of sums and of i; ``rows`` for (n, D)."""
+    """What a field of particle i becomes: expressions of sums and of i.
+
+    ``rows`` for fields (n, D); ``column`` is the number of the one that is written.
+    """
 
     values: tuple[Any, ...]
     rows: bool
+    column: str = ""
 
 
 @dataclass(frozen=True)
@@ -128,6 +144,8 @@ def _read(values: list[Any], side: str) -> set[str]:
             kind, name, its, _ = node.what
             if its == side and kind in ("field", "table"):
                 found.add("group" if kind == "table" else name)
+            elif kind == "groups" and its:
+                found.add("group")
         elif node.op == "call":
             symbols = [a.what for a in node.args if isinstance(a, Node) and a.op == "symbol"]
             if any(kind == "index" and its == side for kind, _, its, _ in symbols):

@@ -66,10 +66,10 @@ def accumulate(lane, values, lanes, bins):
             exponent = np.int64((word >> np.int64(52)) & np.int64(0x7FF))
             fraction = word & _FRACTION
             if exponent == 0x7FF:
-                kind = NOT_A_NUMBER
+                special = NOT_A_NUMBER
                 if fraction == 0:
-                    kind = INFINITE if word >= 0 else MINUS_INFINITE
-                bins[row, kind] += 1
+                    special = INFINITE if word >= 0 else MINUS_INFINITE
+                bins[row, special] += 1
                 continue
             if exponent != 0:  # else a denormal number
                 fraction |= _HIDDEN
@@ -139,23 +139,23 @@ def rounded(bins: np.ndarray) -> float:
 
 
 class Reduction:
-    """Sums and maxima of per-particle values."""
+    """Sums and maxima of per-particle values: arrays of the device, or NumPy's."""
 
     def __init__(self, device: Device):
         self.device = device
-        self._lanes = LANES[device.backend]
+        self._host = device if device.backend == "cpu" else Device()
+        self._most_lanes = LANES[device.backend]
         self._work: dict[tuple, Any] = {}
-        backend = device.backend
-        self._accumulate = accumulate.specialise(backend)
-        self._sum_integers = sum_integers.specialise(backend)
-        self._gather = gather_lanes.specialise(backend)
-        self._maxima = block_maxima.specialise(backend, BLOCK=BLOCK)
 
-    def _array(self, *shape: int, dtype: Any = np.int64):
+    def _place(self, values) -> Device:
+        """Where values are."""
+        return self._host if isinstance(values, np.ndarray) else self.device
+
+    def _array(self, device: Device, *shape: int, dtype: Any = np.int64):
         """Room to work in, made once."""
-        key = (*shape, np.dtype(dtype))
+        key = (device.backend, *shape, np.dtype(dtype))
         if key not in self._work:
-            self._work[key] = self.device.zeros(shape, dtype)
+            self._work[key] = device.zeros(shape, dtype)
         return self._work[key]
 
     def sum(self, values) -> np.ndarray:
@@ -164,20 +164,22 @@ class Reduction:
         Of real numbers they are exact and rounded once, to float64; whole numbers are int64.
         """
         rows, columns = values.shape
-        real = values.dtype.kind == "f"
+        real, device = values.dtype.kind == "f", self._place(values)
         width = WIDTH if real else 1
-        lanes = max(1, min(self._lanes, rows // FEW))
-        bins = self._array(lanes * columns, width)
-        total = self._array(columns, width)
-        (self._accumulate if real else self._sum_integers)(lanes, values, lanes, bins)
-        self._gather(columns * width, bins, lanes, total)
-        found = self.device.to_host(total)
+        lanes = max(1, min(self._most_lanes, rows // FEW))
+        bins = self._array(device, lanes * columns, width)
+        total = self._array(device, columns, width)
+        add = (accumulate if real else sum_integers).specialise(device.backend)
+        add(lanes, values, lanes, bins)
+        gather_lanes.specialise(device.backend)(columns * width, bins, lanes, total)
+        found = device.to_host(total)
         return np.array([rounded(row) for row in found]) if real else np.array(found[:, 0])
 
     def max(self, values) -> float:
         """Largest of a non-empty array of shape (n,); NaN where one is NaN."""
         if isinstance(values, np.ndarray):
             return float(values.max())
-        partial = self._array(-(-len(values) // BLOCK), 1, dtype=values.dtype)
-        self._maxima(len(partial), values, len(values), partial)
+        partial = self._array(self.device, -(-len(values) // BLOCK), 1, dtype=values.dtype)
+        find = block_maxima.specialise(self.device.backend, BLOCK=BLOCK)
+        find(len(partial), values, len(values), partial)
         return float(self.device.to_host(partial).max())

@@ -8,7 +8,7 @@ from __future__ import annotations
 import copy
 import functools
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -23,7 +23,10 @@ from particell.compute.generated import load
 from particell.compute.plan import Pass, Plan, Result, sum_symbols
 from particell.errors import InputError, unknown_name
 from particell.laws.law import Law, Values
-from particell.sources.source import Names, Side, Source
+from particell.sources.source import Names, Pair, Side, Source
+
+#: What laws add.
+_KINDS = (int, float, np.number, Node, Vector, Symmetric)
 
 
 @dataclass(frozen=True)
@@ -50,6 +53,10 @@ class Sweep:
         Fields that are zero for the others.
     stored
         Values of pairs that are kept, by the law's name for them: arrays along the list.
+    running
+        Sums that are kept pair by pair as they grow, by the name of an array along the list.
+    exact
+        Whether records are in double precision on any device.
     addable
         Fields that laws may add to; all where it is left out.
     """
@@ -63,6 +70,8 @@ class Sweep:
     targets: str = "mobile"
     zeroed: tuple[str, ...] = ()
     stored: tuple[str, ...] = ()
+    running: Mapping[str, str] = field(default_factory=dict)
+    exact: bool = False
     addable: tuple[str, ...] | None = None
 
     def numbers(self) -> dict[str, float]:
@@ -88,6 +97,11 @@ class Sweep:
                     object.__setattr__(shown, name, known)
             found.append(shown)
         return found
+
+    def _running(self) -> dict[str, str]:
+        """What is kept as it grows, by the sums' full names."""
+        own = {s: f"{_name(law, k)}.{s}" for k, law in enumerate(self.laws) for s in law.own}
+        return {array: own.get(total, total) for array, total in self.running.items()}
 
     def plan(self) -> Plan:
         """What the loop is generated from.
@@ -126,6 +140,8 @@ class Sweep:
                     offset=() if ij.offset is None else ij.offset.parts(dim),
                     itself=ij.itself,
                     only=ij.only,
+                    weighed=ij.weighed,
+                    running=self._running(),
                 )
             )
             if ij.itself and stored:
@@ -156,13 +172,23 @@ class Sweep:
         for name, value in totals.items():
             if name not in known:
                 raise unknown_name("what a law adds (to fields, or to its own sums)", name, known)
-            if len(components(value, dim)) != max(1, self.names.fields[name]):
+            if len(components(value, dim)) != max(1, self._width(name)):
                 wrong = f"{len(components(value, dim))} components"
                 raise InputError(f"what a law adds to {name}", wrong, "a number, or a vector")
         return {
-            name: Result(components(value, dim), self.names.fields[name] > 0)
+            name: Result(components(value, dim), self._width(name) > 0, self._column(name))
             for name, value in totals.items()
         }
+
+    def _width(self, name: str) -> int:
+        """Components of a field, 0 of a number."""
+        width = self.names.fields[name]
+        return width if isinstance(width, int) else 0
+
+    def _column(self, name: str) -> str:
+        """The number of the column that is written, nothing for whole fields."""
+        width = self.names.fields[name]
+        return width if isinstance(width, str) else ""
 
     def reads_of_neighbours(self) -> tuple[str, ...]:
         """Fields that must be there of all neighbours, those of other ranks too."""
@@ -219,34 +245,46 @@ class Sweep:
         made = self.source(form)
         module = load(self.name, made.text, made.functions)
         lanes = form == "lanes"
-        n = len(fields["member" if lanes else "x"])
-        rows = batch_rows(device, n)
-        sizes: dict[str, tuple[int, Any]] = {"record": (n * made.record, device.real)}
+        n = len(fields["member" if lanes else "cell"])
+        rows, real = batch_rows(device, n), np.float64 if self.exact else device.real
+        sizes: dict[str, tuple[int, Any]] = {"record": (n * made.record, real)}
         if lanes:
             sizes["lanes"] = (made.columns * LANES * rows, np.float64)
         else:
-            sizes["columns"] = (made.columns * BATCH * rows, device.real)
+            sizes["columns"] = (made.columns * BATCH * rows, real)
             sizes["whole_columns"] = (made.whole_columns * BATCH * rows, np.int64)
         for name, (size, kind) in sizes.items():
             if name not in scratch or len(scratch[name]) < size:
                 scratch[name] = device.zeros(max(1, size), kind)
         arrays = {**fields, **scratch, "octets": np.uint64(1)}
         arrays |= {argument: fields[name] for argument, name in made.renamed.items()}
-        loop, pack = getattr(module, self.name), getattr(module, f"pack_{self.name}")
-        numbers = (n, n // LANES) if lanes else (None, None)
-        return _Bound(self, device, (pack, loop), arrays, numbers)
+        loops = {
+            f"pack_{self.name}": n if lanes else None,
+            self.name: n // LANES if lanes else None,
+        }
+        there = {getattr(module, k): number for k, number in loops.items() if hasattr(module, k)}
+        return _Bound(self, device, there, arrays)
 
 
 def _asked(law: Law, method: str, *given: Any) -> Mapping[str, Any]:
     """What a law answers, or one line that names it."""
+    where = f"{type(law).__name__}.{method}"
     try:
         found = getattr(law, method)(*given)
+    except InputError as error:  # a name that there is not
+        raise InputError(f"{where}: {error.key}", error.value, error.allowed) from error
     except (TypeError, ValueError, AttributeError, IndexError) as error:
+        if isinstance(error, AttributeError) and isinstance(error.obj, Pair):
+            known = [name for name in dir(error.obj) if not name.startswith("_")]
+            raise unknown_name(f"{where}: what is read of ij", str(error.name), known) from error
         allowed = "arithmetic on what it is given, with where, sqrt, cos, … of particell.laws"
-        raise InputError(f"{type(law).__name__}.{method}", str(error), allowed) from error
-    if not isinstance(found, Mapping):
-        allowed = "a dict of what is added, by name"
-        raise InputError(f"{type(law).__name__}.{method}", found, allowed)
+        raise InputError(where, str(error), allowed) from error
+    if not isinstance(found, Mapping) or not all(isinstance(name, str) for name in found):
+        raise InputError(where, found, "a dict of what is added, by name")
+    for name, value in found.items():
+        if not isinstance(value, _KINDS) or isinstance(value, bool):
+            adds = f"what {type(law).__name__} adds to {name}"
+            raise InputError(adds, value, "a number, a vector or a symmetric tensor")
     return found
 
 
@@ -267,20 +305,22 @@ def _name(law: Law, number: int) -> str:
 
 
 class _Bound:
-    """Loops that run one after the other, with numbers given at every call."""
+    """Loops that run one after the other, with numbers given at every call.
+
+    ``loops`` has over how many they run; None for those over particles.
+    """
 
     def __init__(
         self,
         sweep: Sweep,
         device: Device,
-        loops: Sequence[Any],
+        loops: Mapping[Any, int | None],
         arrays: Mapping[str, Any],
-        lengths: Sequence[int | None],
     ):
         self.own = sweep.numbers if sweep.numbers() else None
         self.parts = [
             (device.bind(loop, arrays), [a for a in loop.arguments if a not in arrays], length)
-            for loop, length in zip(loops, lengths, strict=True)
+            for loop, length in loops.items()
         ]
 
     def __call__(self, n: int, **numbers: Any) -> None:

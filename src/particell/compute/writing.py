@@ -64,6 +64,8 @@ class Generator:
         self.arguments: dict[str, None] = {}
         self.renamed: dict[str, str] = {}  # names of fields, by those of arguments
         self.columns = self.whole_columns = 0
+        #: whether anything is read of neighbours' records
+        self._packed = self.values.placed or bool(self.values.record)
         self.width = next(w for w in WIDTHS if w >= plan.dim + len(self.values.record))
 
     def write(self) -> Generated:
@@ -107,9 +109,14 @@ class Generator:
             return side
         if kind == "stored":
             return f"{self._argument(name)}[k]"
-        if kind == "table":
-            return f"{self._argument(name)}[{self._argument('group')}[{side}]]"
         place = [side] if kind == "field" else []
+        if kind == "table":
+            place = [f"{self._argument('group')}[{side}]"]
+        if kind == "groups":
+            group = self._argument("group") if side else ""
+            place = [f"{group}[i]", f"{group}[j]"] if side else ["0", "0"]
+        if isinstance(component, str):
+            component = self._argument(component)
         place += [] if component is None else [str(component)]
         return self._argument(name) + (f"[{', '.join(place)}]" if place else "")
 
@@ -137,11 +144,14 @@ class Generator:
         given = textwrap.wrap(", ".join([index, *self.arguments]), 92, break_long_words=False)
         return [decorator, f"def {name}(", *indented(given), "):", *indented(lines)]
 
-    def _packed(self) -> list[str]:
+    def _record(self) -> list[str]:
         """Fill the record of particle i, which stands ``at``."""
         writer = self._writer("own")
         mirrored = [self.values.mirror(number) for number in self.values.record]
-        lines = [f"record[at + {d}] = {self._argument('x')}[i, {d}]" for d in range(self.plan.dim)]
+        lines = []
+        if self.values.placed:
+            x = self._argument("x")
+            lines = [f"record[at + {d}] = {x}[i, {d}]" for d in range(self.plan.dim)]
         lines += self._write(writer, mirrored)
         for number, place in zip(mirrored, self.values.record.values(), strict=True):
             lines.append(f"record[at + {place}] = {writer.names[number]}")
@@ -158,6 +168,8 @@ class Generator:
     def _places(self, name: str) -> list[str]:
         result = self.plan.results[name]
         self._argument(name)
+        if result.column:
+            return [f"{name}[i, {self._argument(result.column)}]"]
         if not result.rows:
             return [f"{name}[i]"]
         return [f"{name}[i, {d}]" for d in range(len(result.values))]

@@ -15,25 +15,23 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from tqdm import tqdm
 
-from particell import cases
-from particell.cases.base import Case
 from particell.compute.threads import kept_threads
 from particell.ensemble import pool
 from particell.ensemble.jobs import (
     DONE,
     FAILED,
-    CaseJob,
-    FunctionJob,
     Job,
     Outcome,
     finished,
     prepare,
 )
-from particell.ensemble.results import ENSEMBLE, FAILURE, EnsembleRun, member
+from particell.ensemble.realisations import ENSEMBLE, FAILURE, member
+from particell.ensemble.results import EnsembleRun
 from particell.errors import InputError, ParticellError
 from particell.observers import stop_requests
-from particell.output.files import plain, prepare_directory, read_json, reason, write_json
+from particell.output.files import plain, prepare_directory, read_json, write_json
 from particell.output.run import OWN_FILES
+from particell.recipe import FunctionRecipe, Recipe
 
 if TYPE_CHECKING:
     from particell.simulation import Simulation
@@ -76,8 +74,9 @@ class Ensemble:
     Parameters
     ----------
     description
-        A :class:`~particell.cases.base.Case`, or a function ``build(seed)`` that gives a
-        :class:`~particell.simulation.Simulation` with that seed.
+        A :class:`~particell.cases.base.Case` (or another :class:`~particell.recipe.Recipe`), or a
+        function ``build(seed)`` that gives a :class:`~particell.simulation.Simulation` with that
+        seed.
     runs
         How many.
     seed
@@ -89,7 +88,7 @@ class Ensemble:
     threads
         CPU threads of one realisation.
     backend, precision
-        As for :class:`~particell.cases.base.Context`; only with a case.
+        As for :class:`~particell.recipe.Context`; only with a case.
 
     Raises
     ------
@@ -107,7 +106,7 @@ class Ensemble:
 
     def __init__(
         self,
-        description: Case | Callable[[int], Simulation],
+        description: Recipe | Callable[[int], Simulation],
         runs: int,
         seed: int = 1,
         *,
@@ -120,52 +119,26 @@ class Ensemble:
         self.runs = _whole("runs", runs, 1, MOST_RUNS)
         self.seed = _whole("seed", seed, 0, LARGEST_SEED)
         threads = _whole("threads", threads, 1, 4096)
-        self.job: Job
-        if isinstance(description, Case):
+        if isinstance(description, Recipe):
             if until is not None or every is not None:
                 key, value = ("until", until) if until is not None else ("every", every)
                 raise InputError(key, value, "left out: a case has its own")
-            self.job = CaseJob(description, backend, precision, threads)
-            _ = self.job.context(0).device  # refuses what this machine has not
+            recipe = description
         elif callable(description):
             if (backend, precision) != ("cpu", "float64"):
                 raise InputError("backend", backend, "left out: the function chooses the device")
             if not isinstance(until, int | float) or not until > 0:
                 raise InputError("until", until, "a positive time in s, with a function")
-            self.job = FunctionJob(description, until, every, threads)
+            recipe = FunctionRecipe(description, until, every)
         else:
             allowed = "a case or a function build(seed) that gives a simulation"
             raise InputError("description", description, allowed)
         self.description = description
+        self.job = Job(recipe, backend, precision, threads)
+        _ = self.job.context(0).device  # refuses what this machine has not
         self.seeds = [realisation_seed(self.seed, k) for k in range(self.runs)]
         if len(set(self.seeds)) < self.runs:  # 7e-6 for a million of them
             raise InputError("seed", seed, "another one: two realisations would have the same")
-
-    @classmethod
-    def read(cls, directory: str | Path, kind: type[Case] | str | None = None) -> Ensemble:
-        """The ensemble of a case that a directory was made from.
-
-        ``kind`` is the class of a case that is not built in, or its ``"module:Class"``: nothing
-        that a directory names is imported but the program's own cases.
-        """
-        found = _read(Path(directory))
-        what = found["description"]
-        try:
-            if "function" in what:
-                allowed = "an ensemble of a case (this one is of a function: call its script again)"
-                raise InputError("directory", str(directory), allowed)
-            described = cases.recorded(str(what["case"]), what.get("class"), kind)
-            parameters = dict(what["parameters"])
-            options = {name: what[name] for name in ("backend", "precision")}
-            threads = found["threads"]
-        except InputError:
-            raise
-        except (LookupError, TypeError, ValueError, AttributeError) as error:
-            allowed = f"one with an ensemble of particell ({type(error).__name__}: {reason(error)})"
-            raise InputError("directory", str(directory), allowed) from None
-        return cls(
-            described(**parameters), found["runs"], found["seed"], threads=threads, **options
-        )
 
     def run(
         self,
@@ -276,7 +249,7 @@ class Ensemble:
         if overwrite or not directory.is_dir() or not any(directory.iterdir()):
             return
         if (directory / ENSEMBLE).is_file():
-            found = _read(directory)
+            found = recorded(directory)
             if {key: found.get(key) for key in ("description", "seed")} == self._identity():
                 return
         allowed = "a new or empty directory, or one of this very ensemble (or overwrite it)"
@@ -303,7 +276,14 @@ def is_ensemble(directory: str | Path) -> bool:
     return os.path.isfile(Path(directory) / ENSEMBLE)
 
 
-def _read(directory: Path) -> dict[str, Any]:
+def recorded(directory: Path) -> dict[str, Any]:
+    """What the directory of an ensemble says of it.
+
+    Raises
+    ------
+    InputError
+        Where there is no ensemble.
+    """
     found = read_json(directory / ENSEMBLE, "directory")
     if not isinstance(found, dict) or not {"description", "seed", "runs"} <= set(found):
         raise InputError("directory", str(directory), "one with an ensemble of particell")

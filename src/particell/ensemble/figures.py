@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from particell.analysis.statistics import Moments
-    from particell.ensemble.results import EnsembleRun
+    from particell.ensemble.realisations import Realisations
 
 #: Most observables that one picture shows.
 MOST = 12
@@ -42,7 +42,7 @@ class EnsemblePlots:
     :class:`~particell.errors.InputError`.
     """
 
-    def __init__(self, ensemble: EnsembleRun):
+    def __init__(self, ensemble: Realisations):
         self.ensemble = ensemble
 
     def __call__(self, *names: str, **options: Any) -> Figure:

@@ -8,23 +8,15 @@ from __future__ import annotations
 
 import threading
 import traceback
-import warnings
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any
 
 from particell.cases import execution
-from particell.cases.base import Case, Context
 from particell.compute.threads import kept_threads
-from particell.errors import HealthWarning, InputError, Interrupted
-from particell.output.checkpoint import read_checkpoint
-from particell.output.files import prepare_directory
-from particell.output.run import CHECKPOINT, OWN_FILES, SUMMARY
-from particell.output.summary import write_summary
-
-if TYPE_CHECKING:
-    from particell.simulation import Simulation
+from particell.errors import Interrupted
+from particell.output.run import CHECKPOINT, SUMMARY
+from particell.recipe import Context, Recipe
 
 DONE, STOPPED, FAILED = "done", "stopped", "failed"
 #: Loops with several threads must not be entered from two threads of a process at once.
@@ -53,68 +45,38 @@ class Outcome:
     details: str = ""
 
 
-class Job(Protocol):
-    """What can be realised: a case, or a function that builds a simulation."""
-
-    @property
-    def threads(self) -> int | None:
-        """CPU threads of one realisation."""
-        ...
-
-    def identity(self) -> dict[str, Any]:
-        """What the ensemble is of, as JSON; the same for the same description."""
-        ...
-
-    def build(self, seed: int) -> Simulation:
-        """The simulation, at its first moment."""
-        ...
-
-    @property
-    def every(self) -> float | None:
-        """Time between frames in s."""
-        ...
-
-    def start(self, seed: int, directory: Path) -> None:
-        """Run from the beginning."""
-        ...
-
-    def resume(self, seed: int, directory: Path) -> None:
-        """Go on from the checkpoint."""
-        ...
-
-
 @dataclass(frozen=True)
-class CaseJob:
-    """Realisations of a case: as ``particell run``, but without figures and report."""
+class Job:
+    """What is realised, and how: as ``particell run`` does, but without figures and report.
 
-    case: Case
+    Attributes
+    ----------
+    recipe
+        What is built and run.
+    backend, precision
+        As for :class:`~particell.recipe.Context`.
+    threads
+        CPU threads of one realisation.
+    """
+
+    recipe: Recipe
     backend: str = "cpu"
     precision: str = "float64"
-    threads: int | None = 1
+    threads: int = 1
 
     def context(self, seed: int) -> Context:
         """How one realisation is run."""
         return Context(seed, self.backend, self.precision, self.threads)
 
     def identity(self) -> dict[str, Any]:
-        """See :class:`Job`."""
-        found = execution.identity(self.case, self.context(0))
-        context = found.pop("context")
-        return {**found, "backend": context["backend"], "precision": context["precision"]}
-
-    def build(self, seed: int) -> Simulation:
-        """See :class:`Job`."""
-        return self.case.build(self.context(seed))
-
-    @property
-    def every(self) -> float | None:
-        """See :class:`Job`."""
-        return self.case.every
+        """What the ensemble is of, as JSON; the same for the same description."""
+        device = {"backend": self.backend, "precision": self.precision}
+        return {**self.recipe.identity(), **(device if self.recipe.is_data else {})}
 
     def start(self, seed: int, directory: Path) -> None:
-        """See :class:`Job`."""
+        """Run from the beginning."""
         execution.execute(
-            self.case,
+            self.recipe,
             directory,
             seed,
             self.threads,
@@ -126,66 +88,8 @@ class CaseJob:
         )
 
     def resume(self, seed: int, directory: Path) -> None:
-        """See :class:`Job`."""
-        context = self.context(seed)
-        execution.go_on(self.case, context, directory, progress=False, report=False)
-
-
-@dataclass(frozen=True)
-class FunctionJob:
-    """Realisations of what a function ``build(seed)`` makes."""
-
-    function: Callable[[int], Simulation]
-    until: float
-    every: float | None = None
-    threads: int | None = 1
-
-    def identity(self) -> dict[str, Any]:
-        """See :class:`Job`."""
-        return {"function": self.name, "until": self.until, "every": self.every}
-
-    @property
-    def name(self) -> str:
-        """Name of the function, for messages and summaries."""
-        return getattr(self.function, "__qualname__", type(self.function).__qualname__)
-
-    def build(self, seed: int) -> Simulation:
-        """See :class:`Job`."""
-        simulation = self.function(seed)
-        found = getattr(simulation, "seed", None)
-        if found != seed:
-            raise InputError("seed of the simulation", found, f"the one given to build, {seed}")
-        return simulation
-
-    def start(self, seed: int, directory: Path) -> None:
-        """See :class:`Job`."""
-        execution.set_threads(self.threads)
-        simulation = self.build(seed)
-        self._finish(simulation, seed, prepare_directory(directory, *OWN_FILES))
-
-    def resume(self, seed: int, directory: Path) -> None:
-        """See :class:`Job`."""
-        execution.set_threads(self.threads)
-        state, _ = read_checkpoint(directory / CHECKPOINT)
-        simulation = self.build(seed)
-        simulation.restore(state)
-        self._finish(simulation, seed, directory)
-
-    def _finish(self, simulation: Simulation, seed: int, directory: Path) -> None:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", HealthWarning)  # the summary says the same
-            simulation.run(self.until, self.every, directory, progress=False)
-        write_summary(
-            directory / SUMMARY,
-            case=self.name,
-            parameters={},
-            seed=seed,
-            metrics={},
-            health=simulation.health(),
-            conservation=simulation.conservation(),
-            performance=simulation.performance,
-            settings={"threads": self.threads, **simulation.settings},
-        )
+        """Go on from the checkpoint."""
+        execution.go_on(self.recipe, self.context(seed), directory, progress=False, report=False)
 
 
 def finished(directory: Path) -> bool:
@@ -229,7 +133,7 @@ def prepare(job: Job, seed: int, compile_loops: bool) -> None:
     """
     with kept_threads():
         execution.set_threads(job.threads)
-        simulation = job.build(seed)
+        simulation = job.recipe.build(job.context(seed))
         if compile_loops:
-            simulation.plan(job.every or simulation.largest_step())
+            simulation.plan(job.recipe.every or simulation.largest_step())
             simulation.advance(simulation.chemistry_every)

@@ -1,21 +1,14 @@
-"""What an ensemble of a case comes to: metrics, figures and ``summary.json``."""
+"""What many realisations come to, whatever they are of: means of their metrics, a figure."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from particell.cases import execution
-from particell.cases.base import Case, Metric
-from particell.ensemble.ensemble import Ensemble
 from particell.ensemble.results import EnsembleRun
-from particell.output.files import write_json
-from particell.output.run import SUMMARY
-from particell.output.summary import versions
+from particell.recipe import Metric
 
 
 def member_metrics(ensemble: EnsembleRun) -> dict[str, dict[str, Any]]:
@@ -40,7 +33,7 @@ def member_metrics(ensemble: EnsembleRun) -> dict[str, dict[str, Any]]:
 
 
 def mean_metrics(ensemble: EnsembleRun) -> dict[str, Metric]:
-    """The mean over realisations of each of the case's metrics, held against the same limit."""
+    """The mean over realisations of each of the runs' metrics, held against the same limit."""
     found = {}
     for name, metric in member_metrics(ensemble).items():
         found[f"mean {name}"] = Metric(metric["mean"], None, metric["limit"], metric["unit"])
@@ -54,61 +47,3 @@ def observables_figure(ensemble: EnsembleRun, directory: Path) -> list[Path]:
     path = directory / "observables.png"
     ensemble.plot.series(path=path)
     return [path]
-
-
-def finish(case: Case, ensemble: Ensemble, result: EnsembleRun) -> int:
-    """Write summary and figures of an ensemble of a case, and print its metrics.
-
-    Returns
-    -------
-    int
-        3 where a realisation failed, else 1 where a metric of the ensemble is beyond its limit,
-        else 0.
-    """
-    metrics = case.ensemble_metrics(result) if len(result) else {}
-    _write_summary(case, ensemble, result, metrics)
-    if len(result):
-        case.ensemble_figures(result, result.directory)
-        execution.print_report(case, metrics, result.directory)
-    for name, metric in member_metrics(result).items():
-        if metric["beyond"]:
-            print(f"{name}: beyond its limit in {metric['beyond']} of {len(result)} realisations")
-    print(f"{len(result)} of {ensemble.runs} realisations done")
-    if len(result) < ensemble.runs:
-        return 3
-    return 0 if all(metric.passed for metric in metrics.values()) else 1
-
-
-def _write_summary(
-    case: Case, ensemble: Ensemble, result: EnsembleRun, metrics: Mapping[str, Metric]
-) -> None:
-    runs = [run.summary["performance"] for run in result.runs]
-    last = {}
-    if len(result) > 1:
-        for name in result.observable_names:
-            values = result.moments(name)
-            last[name] = {"mean": float(values.mean), "deviation": float(values.deviation)}
-    write_json(
-        result.directory / SUMMARY,
-        {
-            "case": case.name,
-            "version": version("particell"),
-            "parameters": case.parameters(),
-            "seed": ensemble.seed,
-            "runs": ensemble.runs,
-            "finished": result.indices,
-            "failed": [
-                {"run": k, "seed": ensemble.seeds[k], "error": error}
-                for k, error in result.failed.items()
-            ],
-            "metrics": {name: metric.as_dict() for name, metric in metrics.items()},
-            "members": member_metrics(result),
-            "observables_at_the_end": last,
-            "performance": {
-                key: sum(run[key] for run in runs)
-                for key in ("steps", "wall_seconds", "ssa_events", "diffusion_jumps")
-                if runs and all(key in run for run in runs)
-            },
-            "settings": {**result.settings, "versions": versions()},
-        },
-    )

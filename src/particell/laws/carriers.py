@@ -48,18 +48,24 @@ costs is measured in the gallery (effective-diffusivity).
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from particell.compute.batches import batch_buffer, batch_row, batch_rows
 from particell.compute.device import Device
+from particell.compute.expressions import Number, Vector, maximum, where
 from particell.compute.loop import particle_loop
 from particell.compute.rounding import nearest_integer
+from particell.compute.sweep import Sweep
 from particell.kernels import power, shape_f
-from particell.laws.diffusion import surface_factor
+from particell.laws.diffusion import WEIGHED_WALLS
+from particell.laws.law import Adds, Law
 from particell.laws.pairs import image_offset
 from particell.laws.tensors import carried, factorise, is_thin, substitute, times, within
+from particell.sources.mobile import ALL
+from particell.sources.source import Names
 
 #: A direction with less than this part of tr M is not carried.
 LEAST = 0.1
@@ -88,7 +94,7 @@ def work_width(dim: int) -> int:
 
 
 def tensor_fields(device: Device, n: int, dim: int, uniform: bool) -> dict[str, Any]:
-    """Arrays that :func:`carrier_tensors` and :func:`carrier_weights` need besides the pairs'."""
+    """Arrays that :func:`carrier_tensors` needs besides the pairs', and what it finds."""
     return {
         "tensor": device.zeros((n, components(dim)), np.float64),
         "moments": device.zeros(batch_rows(device, n) * work_width(dim), np.float64),
@@ -97,7 +103,6 @@ def tensor_fields(device: Device, n: int, dim: int, uniform: bool) -> dict[str, 
         "near_square": batch_buffer(device, n, 1, np.float64),
         "near_volume": batch_buffer(device, n, 1, np.float64),
         "near_reach": batch_buffer(device, 0 if uniform else n, 1, np.float64),
-        "near_factor": batch_buffer(device, n, 1, np.float64),
     }
 
 
@@ -280,115 +285,69 @@ def carrier_tensors(
             moments[right + a] *= shift
 
 
-@particle_loop(vectorise=True)
-def carrier_weights(
-    i,
-    x,
-    support,
-    volume,
-    group,
-    start,
-    stop,
-    neighbours,
-    crosses,
-    period,
-    inverse_period,
-    carriers,
-    tensor,
-    near_offset,
-    near_product,
-    near_volume,
-    near_square,
-    near_factor,
-    wall_normal,
-    wall_depth,
-    wall_curvature,
-    exchange,
-    row_rate,
-    negative,
-    *,
-    DIM,
-    NORMALISE,
-    SURFACE,
-    BATCH,
-):
-    """2 V_i V_j F_ij s_ij along row i, where ``exchange`` holds F_ij; s_ij = 1 without NORMALISE.
+@dataclass(frozen=True)
+class CarrierWeights(Law):
+    """2 V_i V_j F_ij s_ij, which take the place of F_ij along the list.
 
-    ``row_rate`` (n,) takes a bound of the size of the eigenvalues of the exchange, for unit
-    diffusivity, in 1/m² (Gershgorin): the row's weights over V_i, those among carriers doubled.
-    ``negative`` (n,) takes the number of pairs whose factor would have been negative.
+    Attributes
+    ----------
+    normalise
+        Whether s_ij is that of the module's docstring, or 1.
     """
-    wraps = crosses[i] != 0
-    g = group[i]
-    own = 2.0 * volume[i]
-    rate = 0.0
-    refused = 0.0
-    number = DIM * (DIM + 1) // 2
-    row = np.uint64(np.int64(batch_row(i)) * BATCH)
-    offsets, products = row * np.uint64(DIM), row * np.uint64(number)
-    begin, last = np.uint64(start[i]), np.uint64(stop[i])
-    while begin < last:
-        end = min(last, begin + np.uint64(BATCH))
-        count = end - begin
-        for k in range(count):
-            j = neighbours[begin + k]
-            kind = carriers[g, group[j]]
-            near_volume[row + k] = own * volume[j] if kind != 0 else 0.0
-            if NORMALISE:
-                other = np.uint64(j)
-                if kind == 2:
-                    other = np.uint64(i)
-                for d in range(DIM):
-                    r = x[i, d] - x[j, d]
-                    if wraps:
-                        r -= period[d] * nearest_integer(r * inverse_period[d])
-                    near_offset[offsets + np.uint64(d * BATCH) + k] = r
-                for a in range(number):
-                    near_product[products + np.uint64(a * BATCH) + k] = (
-                        tensor[i, a] + tensor[other, a]
-                    )
-        if NORMALISE:
-            for k in range(count):
-                near_square[row + k] = 0.0
-                near_factor[row + k] = 0.0
-            for d in range(DIM):
-                one = offsets + np.uint64(d * BATCH)
-                other = offsets + np.uint64((d + 1) % DIM * BATCH)
-                to, mixed = products + np.uint64(d * BATCH), products + np.uint64((DIM + d) * BATCH)
-                for k in range(count):
-                    square = near_offset[one + k] * near_offset[one + k]
-                    near_square[row + k] += square
-                    near_factor[row + k] += square * near_product[to + k]
-                if DIM + d < number:
-                    for k in range(count):
-                        both = _SQRT2 * near_offset[one + k] * near_offset[other + k]
-                        near_factor[row + k] += both * near_product[mixed + k]
-        for k in range(count):
-            weight = near_volume[row + k] * exchange[begin + k]
-            if NORMALISE:
-                r2, factor = near_square[row + k], near_factor[row + k]
-                refused += 1.0 if factor < 0.0 and weight > 0.0 else 0.0
-                weight *= 0.5 * max(0.0, factor) / r2 if r2 > 0.0 else 0.0
-            exchange[begin + k] = weight
-            rate += weight
-        if SURFACE:
-            for k in range(count):
-                j = neighbours[begin + k]
-                weight = exchange[begin + k]
-                if carriers[g, group[j]] == 2 and weight > 0.0:
-                    factor = surface_factor(
-                        x,
-                        support,
-                        wall_normal,
-                        wall_depth,
-                        wall_curvature,
-                        i,
-                        j,
-                        period,
-                        inverse_period,
-                        DIM,
-                    )
-                    rate += weight * (0.5 * factor - 1.0)
-        begin = end
-    row_rate[i] = 2.0 * rate / volume[i]
-    negative[i] = np.int64(refused)
+
+    normalise: bool
+
+    own = ("row", "refused")
+
+    def pair(self, i: Any, j: Any, ij: Any) -> Adds:
+        """The weight; what it adds to the row, and 1 where its factor would be negative."""
+        kind = ij.of_groups("carriers")
+        if ij.wall:  # once more, with the weight that it has now
+            grows = where(kind == SURFACE_OF, 0.5 * ij.extrapolation - 1.0, 0.0)
+            return {"row": grows * ij.kept("exchange")}
+        weight = where(kind != APART, 2.0 * i.volume * j.volume, 0.0) * ij.kept("exchange")
+        adds: dict[str, Any] = {}
+        if self.normalise:
+            own, its = _quadratic(i.tensor, ij.x), _quadratic(j.tensor, ij.x)
+            factor = own + where(kind == SURFACE_OF, own, its)
+            adds["refused"] = where((weight > 0.0) & (factor < 0.0), 1.0, 0.0)
+            there = ij.square > 0.0
+            share = maximum(0.0, factor) / where(there, ij.square, 1.0)
+            weight = where(there, 0.5 * weight * share, 0.0)
+        return {"exchange": weight, "row": weight, **adds}
+
+    def finish(self, i: Any, sums: Any) -> Adds:
+        """A bound of the eigenvalues (Gershgorin): the row over V_i, carriers' doubled."""
+        return {"row_rate": 2.0 * sums.row / i.volume, "negative": sums.refused}
+
+
+def _quadratic(tensor: Vector, x: Vector) -> Number:
+    """x·Λ·x, with Λ in the components of :func:`carrier_tensors`."""
+    dim = x.dim
+    place, parts = x.parts(dim), tensor.parts(components(dim))
+    total: Number = 0.0
+    for a, part in enumerate(parts):
+        one, other = (a, a) if a < dim else (a - dim, (a - dim + 1) % dim)
+        total = total + (1.0 if a < dim else _SQRT2) * part * place[one] * place[other]
+    return total
+
+
+def carrier_weights(dim: int, kernel: int, groups: int, normalise: bool, walls: bool) -> Sweep:
+    """:class:`CarrierWeights` of all pairs, with the bound of a row and what was refused.
+
+    ``row_rate`` (n,) is for unit diffusivity, in 1/m²; ``negative`` (n,) the number of pairs whose
+    factor would have been negative, as seen from the particle.
+    """
+    fields = {"x": dim, "support": 0, "volume": 0, "tensor": components(dim)}
+    names = Names(dim, {**fields, "row_rate": 0, "negative": 0}, groups=groups)
+    return Sweep(
+        "carrier_weights",
+        (CarrierWeights(normalise),),
+        (ALL, WEIGHED_WALLS) if walls else (ALL,),
+        names,
+        kernel,
+        uniform=True,
+        targets="all",
+        stored=("exchange",),
+        exact=True,
+    )

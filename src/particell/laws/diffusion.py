@@ -30,72 +30,31 @@ J. Comput. Phys. 136 (1997) 214 (the wall's values).
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
-from numba import njit
-
-from particell.boundaries.wall import CLOSEST, extrapolation, surface_distance
-from particell.compute.loop import FASTMATH, particle_loop
-from particell.compute.rounding import nearest_integer
+from particell.compute.expressions import Number, where
 from particell.compute.sweep import Sweep
 from particell.laws.law import Adds, Law
-from particell.sources.mobile import ALL
-from particell.sources.source import Names
+from particell.sources.mobile import ALL, Particles
+from particell.sources.source import Names, Source
+from particell.sources.walls import Walls
 
 #: Steps are limited to this many h²/κ. Where that is not stable (:mod:`.chemistry.exchange`), the
 #: explicit exchange of concentrations is divided.
 STEP_LIMIT = 0.05
+#: What a group is to a species (:mod:`particell.chemistry.reservoirs`).
+WALL_VALUE, WALL_FLUX = 2, 3
+#: All neighbours, and those that are no walls, with weights that are kept.
+WEIGHED = Particles(last="stop", weighed="exchange")
+WEIGHED_MOBILE = Particles(weighed="exchange")
+WEIGHED_WALLS = Walls(weighed="exchange")
 
 
-@njit(error_model="numpy", fastmath=FASTMATH)
-def distance_from_wall(
-    x, wall_normal, wall_depth, wall_curvature, i, j, period, inverse_period, DIM
-):
-    """Distance of particle i from the surface of wall particle j, in m."""
-    tx, ty, tz, nx, ny, nz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    depth = wall_depth[j]
-    nx = wall_normal[j, 0]
-    tx = x[i, 0] - x[j, 0]
-    tx -= period[0] * nearest_integer(tx * inverse_period[0]) + depth * nx
-    if DIM > 1:
-        ny = wall_normal[j, 1]
-        ty = x[i, 1] - x[j, 1]
-        ty -= period[1] * nearest_integer(ty * inverse_period[1]) + depth * ny
-    if DIM > 2:
-        nz = wall_normal[j, 2]
-        tz = x[i, 2] - x[j, 2]
-        tz -= period[2] * nearest_integer(tz * inverse_period[2]) + depth * nz
-    return surface_distance(tx, ty, tz, nx, ny, nz, wall_curvature[j])
-
-
-@njit(error_model="numpy", fastmath=FASTMATH)
-def surface_factor(
-    x, support, wall_normal, wall_depth, wall_curvature, i, j, period, inverse_period, DIM
-):
-    """1 + d_j/d_i for fluid particle i and wall particle j."""
-    distance = distance_from_wall(
-        x, wall_normal, wall_depth, wall_curvature, i, j, period, inverse_period, DIM
-    )
-    return extrapolation(distance, wall_depth[j], support[i], wall_curvature[j], DIM)
-
-
-@njit(error_model="numpy", fastmath=FASTMATH)
-def wall_distance(
-    x, support, wall_normal, wall_depth, wall_curvature, i, j, period, inverse_period, DIM
-):
-    """d_i of fluid particle i and wall particle j, bounded below as in :func:`surface_factor`."""
-    distance = distance_from_wall(
-        x, wall_normal, wall_depth, wall_curvature, i, j, period, inverse_period, DIM
-    )
-    return max(distance, CLOSEST * support[i])
-
-
-@njit(error_model="numpy", fastmath=FASTMATH)
-def exchange_velocity(transfer, diffusivity, distance):
+def exchange_velocity(transfer: Number, diffusivity: Number, distance: Number) -> Number:
     """1/(1/k + d/κ) in m/s: transfer through the surface and diffusion up to it, in series."""
-    if transfer * diffusivity == 0.0:
-        return 0.0
-    return transfer * diffusivity / (diffusivity + transfer * distance)
+    product = transfer * diffusivity
+    return product / where(product == 0.0, 1.0, diffusivity + transfer * distance)
 
 
 class PairSlope(Law):
@@ -120,97 +79,70 @@ def pair_slopes(dim: int, kernel: int, uniform: bool) -> Sweep:
     )
 
 
-@particle_loop
-def diffuse(
-    i,
-    x,
-    support,
-    group,
-    start,
-    stop,
-    neighbours,
-    period,
-    inverse_period,
-    exchange,
-    tau,
-    columns,
-    pair_kappa,
-    status,
-    value,
-    inward,
-    transfer,
-    diffusivity,
-    receives,
-    wall_scale,
-    wall_normal,
-    wall_depth,
-    wall_curvature,
-    partner,
-    continuous,
-    concentration,
-    amount,
-    amount_booked,
-    *,
-    DIM,
-    SURFACE,
-    FLUX,
-    SWITCH,
-):
-    """Exchange of all diffusing species (``columns``) during tau; see the module's docstring.
+def weighed_sources(walls: bool) -> tuple[Source, ...]:
+    """All neighbours with kept weights; walls by themselves where their surface matters."""
+    return (WEIGHED_MOBILE, WEIGHED_WALLS) if walls else (WEIGHED,)
 
-    ``exchange`` holds 2 V_i V_j F_ij s_ij, ``pair_kappa`` (G, G, S) the mean diffusivity
-    of a pair of groups. What comes through surfaces is booked by the fluid particle. With
-    ``SWITCH`` particles that hold molecules of a species (``continuous`` of its column
-    ``partner``) are left to their jumps.
+
+@dataclass(frozen=True)
+class Diffusion(Law):
+    """Exchange of a species during tau, with weights 2 V_i V_j F_ij s_ij that are kept.
+
+    Attributes
+    ----------
+    switch
+        Particles that hold molecules of the species (``continuous`` is 0) are left to their jumps.
     """
-    g = group[i]
-    for m in range(len(columns)):
-        s = columns[m]
-        if SWITCH and partner[s] >= 0 and continuous[i, partner[s]] == 0:
-            continue
-        own = concentration[i, s]
-        inside, through = 0.0, 0.0
-        for k in range(start[i], stop[i]):
-            j = neighbours[k]
-            other = group[j]
-            flux = exchange[k] * pair_kappa[g, other, s]
-            if SWITCH and partner[s] >= 0 and status[other, s] < 2:
-                flux *= continuous[j, partner[s]] != 0
-            if FLUX and status[other, s] == 3:
-                if receives[g, s] != 0:
-                    distance = wall_distance(
-                        x,
-                        support,
-                        wall_normal,
-                        wall_depth,
-                        wall_curvature,
-                        i,
-                        j,
-                        period,
-                        inverse_period,
-                        DIM,
-                    )
-                    speed = exchange_velocity(transfer[other, s], diffusivity[g, s], distance)
-                    area = exchange[k] * (distance + wall_depth[j]) * wall_scale[other]
-                    through += area * (inward[other, s] + speed * (value[other, s] - own))
-                continue
-            if SURFACE and status[other, s] == 2:
-                if flux > 0.0:
-                    flux *= surface_factor(
-                        x,
-                        support,
-                        wall_normal,
-                        wall_depth,
-                        wall_curvature,
-                        i,
-                        j,
-                        period,
-                        inverse_period,
-                        DIM,
-                    )
-                    through += flux * (value[other, s] - own)
-            else:
-                inside += flux * (concentration[j, s] - own)
-        amount[i, s] += tau * (inside + through)
-        if SURFACE or FLUX:
-            amount_booked[i, s] += tau * through
+
+    switch: bool = False
+
+    own = ("inside", "through")
+
+    def pair(self, i: Any, j: Any, ij: Any) -> Adds:
+        """What comes from j, in mol/s: of particles, and through the surface of walls."""
+        weight = ij.kept("exchange")
+        flow = weight * ij.of_groups("pair_kappa", "column")
+        if self.switch:
+            jumps = (j.status < WALL_VALUE) & (j.continuous == 0)
+            flow = where(jumps, 0.0, flow)
+        inside = flow * (j.concentration - i.concentration)
+        if not ij.wall:
+            return {"inside": inside}
+        held = where(flow > 0.0, flow * ij.extrapolation * (j.value - i.concentration), 0.0)
+        speed = exchange_velocity(j.transfer, i.diffusivity, ij.above)
+        area = weight * (ij.above + ij.depth) * j.wall_scale
+        stream = area * (j.inward + speed * (j.value - i.concentration))
+        stream = where((j.status == WALL_FLUX) & (i.receives != 0), stream, 0.0)
+        return {
+            "inside": where(j.status < WALL_VALUE, inside, 0.0),
+            "through": where(j.status == WALL_VALUE, held, stream),
+        }
+
+    def finish(self, i: Any, sums: Any) -> Adds:
+        """Amounts after tau; what came through surfaces is booked by the particle."""
+        gain, through = i.tau * (sums.inside + sums.through), i.tau * sums.through
+        if self.switch:
+            gain, through = (where(i.continuous == 0, 0.0, v) for v in (gain, through))
+        return {"amount": i.amount + gain, "amount_booked": i.amount_booked + through}
+
+
+def diffuse(dim: int, kernel: int, groups: int, walls: bool, switch: bool) -> Sweep:
+    """Exchange of one species, that of the number ``column``, during ``tau``.
+
+    With ``switch`` the column of ``continuous`` is the number ``counted``.
+    """
+    fields: dict[str, int | str] = {"x": dim, "support": 0, "continuous": "counted"}
+    fields |= dict.fromkeys(("concentration", "amount", "amount_booked"), "column")
+    of_groups = ("status", "value", "inward", "transfer", "diffusivity", "receives")
+    tables: dict[str, bool | str] = dict.fromkeys(of_groups, "column")
+    names = Names(dim, fields, {**tables, "wall_scale": True}, frozenset({"tau"}), groups=groups)
+    return Sweep(
+        "diffuse_beside_walls" if walls else "diffuse",
+        (Diffusion(switch),),
+        weighed_sources(walls),
+        names,
+        kernel,
+        uniform=True,
+        targets="all",
+        exact=True,
+    )

@@ -26,12 +26,18 @@ thesis, UCSB 2020.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from numba import njit
 
+from particell.compute.device import Device
+from particell.compute.expressions import call
 from particell.compute.loop import particle_loop
+from particell.compute.sweep import Sweep
 from particell.laws.law import Adds, Law
+from particell.sources.mobile import Particles
+from particell.sources.source import Names
 
 
 @njit
@@ -66,31 +72,39 @@ class PairShifts(Law):
         return {"own_shift": weight * own, "its_shift": weight * its}
 
 
-@particle_loop
-def carry(
-    i,
-    group,
-    start,
-    split,
-    neighbours,
-    own_shift,
-    its_shift,
-    carries,
-    deviation,
-    amount,
-    carried,
-    tau,
-    *,
-    COLUMNS,
-):
-    """``carried`` = amounts of particle i after the flux of the deviations during tau."""
-    g = group[i]
-    for s in range(COLUMNS):
-        gain = 0.0
-        own = deviation[i, s]
-        for k in range(start[i], split[i]):
-            j = neighbours[k]
-            gain += carries[group[j], s] * species_flux(
-                own_shift[k], its_shift[k], own, deviation[j, s]
-            )
-        carried[i, s] = amount[i, s] + tau * carries[g, s] * gain
+class Carried(Law):
+    """The flux of deviations that a shift carries, during tau."""
+
+    own = ("gain",)
+
+    def pair(self, i: Any, j: Any, ij: Any) -> Adds:
+        """What comes from j in mol/s."""
+        shifts = ij.kept("own_shift"), ij.kept("its_shift")
+        flux = call(species_flux, (*shifts, i.deviation, j.deviation))
+        return {"gain": j.carries * flux}
+
+    def finish(self, i: Any, sums: Any) -> Adds:
+        """Amounts after the flux."""
+        return {"carried": i.amount + i.tau * i.carries * sums.gain}
+
+
+def carry(dim: int) -> Sweep:
+    """``carried`` = amounts of species ``column`` after the flux of deviations during ``tau``."""
+    columns = dict.fromkeys(("deviation", "amount", "carried"), "column")
+    names = Names(dim, columns, {"carries": "column"}, frozenset({"tau"}))
+    weighed = Particles(weighed="own_shift")
+    return Sweep("carry", (Carried(),), (weighed,), names, 0, True, targets="all", exact=True)
+
+
+def bound_carry(
+    device: Device, fields: Mapping[str, Any], columns: int
+) -> Callable[[int, float], None]:
+    """:func:`carry` of n particles' species, one after the other, as f(n, tau)."""
+    dim = fields["x"].shape[1]
+    run = carry(dim).bind(device, fields, {})
+
+    def carry_all(n: int, tau: float) -> None:
+        for column in range(columns):
+            run(n, column=column, tau=tau)
+
+    return carry_all

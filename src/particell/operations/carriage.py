@@ -144,7 +144,7 @@ class Amounts:
             bind(species_flux.deviations, {**fields, "amount": amount}, **columns)
             for amount in (self.content, self._half)
         ]
-        self._carry = bind(species_flux.carry, fields, **columns)
+        self._carry = species_flux.bound_carry(self.device, fields, self.columns)
         return fields
 
     def apply(self, n: int, step: int, dt: float) -> None:

@@ -34,8 +34,9 @@ class KeepMeans(Operation):
         """Bind the loops."""
         self._momentum = state.device.zeros((state.n, 1), np.float64)
         self._reduction = Reduction(state.device)
-        mobile = state.particles.host("is_wall") == 0
-        self._mass = float(state.particles.host("mass")[mobile].sum())
+        particles = state.particles
+        mass = np.where(particles.view("is_wall") == 0, particles.view("mass"), 0.0)
+        self._mass = float(self._reduction.sum(mass[:, None])[0])
         more = {"momentum": self._momentum}
         self._loops = [
             (

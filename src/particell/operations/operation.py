@@ -157,16 +157,19 @@ class Operations:
         """What :meth:`restore` puts back, by the operations' names."""
         return {name: operation.saved() for name, operation in self.by_name.items()}
 
-    def restore(self, saved: Mapping[str, Any]) -> None:
-        """Put what another run's operations have saved back.
+    def check(self, saved: Mapping[str, Any]) -> None:
+        """Refuse what other operations have saved.
 
         Raises
         ------
         InputError
-            Where that run had other operations.
+            Naming both.
         """
         if set(saved) != set(self.by_name):
-            allowed = f"as now: {', '.join(self.by_name)}"
+            allowed = f"as now: {', '.join(self.by_name) or 'none'}"
             raise InputError("operations of the checkpoint", ", ".join(saved), allowed)
+
+    def restore(self, saved: Mapping[str, Any]) -> None:
+        """Put what another run's operations have saved back."""
         for name, operation in self.by_name.items():
             operation.restore(saved[name])

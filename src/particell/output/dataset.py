@@ -13,20 +13,19 @@ from particell.errors import InputError
 from particell.geometry.domain import AXES
 from particell.output.export import vtk_name
 from particell.output.pictures import line_points
+from particell.output.recorded import Recorded
 from particell.output.sources import known
 from particell.units import field_unit, observable_unit
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from particell.output.run import Run
-
 #: Gives one field of one frame.
 Reader = Callable[[], np.ndarray]
 
 
 def dataset(
-    run: Run,
+    run: Recorded,
     names: Sequence[str],
     frames: slice | Sequence[int] | None,
     groups: str | Sequence[str] | None,
@@ -60,7 +59,7 @@ def dataset(
     count = len(next(iter(places.values()))[1]) if "particle" in where else None
     variables: dict[str, Any] = {}
     for name in chosen:
-        shape, kind = run.field(name).shape, run.field(name).dtype
+        shape, kind = run.source.shape(name)
         size = (count,) if count is not None else tuple(len(places[d][1]) for d in where)
         lazy = _lazy(
             [partial(read, name, k) for k in numbers],
@@ -79,7 +78,7 @@ def dataset(
     return xr.Dataset(variables, coordinates, _attributes(run))
 
 
-def _numbers(run: Run, frames: slice | Sequence[int] | None) -> list[int]:
+def _numbers(run: Recorded, frames: slice | Sequence[int] | None) -> list[int]:
     """The frames, counted from the beginning."""
     run.checked(-1)
     everything = range(len(run))
@@ -91,7 +90,7 @@ def _numbers(run: Run, frames: slice | Sequence[int] | None) -> list[int]:
 
 
 def _particles(
-    run: Run, groups: str | Sequence[str] | None
+    run: Recorded, groups: str | Sequence[str] | None
 ) -> tuple[tuple[str, ...], dict[str, Any], Callable[[str, int], np.ndarray]]:
     """Dimensions, coordinates and reader of fields by particle."""
     chosen = run.chosen(groups)
@@ -108,7 +107,7 @@ def _particles(
 
 
 def _interpolated(
-    run: Run,
+    run: Recorded,
     groups: str | Sequence[str] | None,
     grid: int | Sequence[int] | None,
     line: tuple[Sequence[float], Sequence[float]] | None,
@@ -151,7 +150,7 @@ def _with_unit(attributes: dict[str, str], unit: str) -> dict[str, str]:
     return {**attributes, "units": unit} if unit else attributes
 
 
-def _attributes(run: Run) -> dict[str, Any]:
+def _attributes(run: Recorded) -> dict[str, Any]:
     domain = run.domain
     periodic = "".join(a for a, p in zip(AXES, domain.periodic, strict=False) if p)
     found = {"lower": domain.lower, "upper": domain.upper, "periodic": periodic}

@@ -18,14 +18,14 @@ import numpy as np
 
 from particell.errors import InputError
 from particell.output.files import SLACK, SLACK_EACH, OutputError, reason, replacing, reserve
-from particell.output.run import Run
+from particell.output.recorded import Recorded
 
 # Everything used here is in version 2.0, which ParaView reads from 5.12 on.
 VERSION = (2, 0)
 CELL_KINDS = ("Vertices", "Lines", "Polygons", "Strips")
 
 
-def export_vtkhdf(run: Run, path: str | Path) -> Path:
+def export_vtkhdf(run: Recorded, path: str | Path) -> Path:
     """Write all frames of a run to a VTKHDF file.
 
     Parameters
@@ -53,7 +53,8 @@ def export_vtkhdf(run: Run, path: str | Path) -> Path:
         raise InputError("run", str(run.directory), "a run with at least one frame")
     n = len(run.static["group"])
     # vectors get three components
-    sizes = [3 * int(np.prod(f.shape)) * f.dtype.itemsize for f in map(run.field, run.field_names)]
+    stored = map(run.source.shape, run.field_names)
+    sizes = [3 * int(np.prod(shape)) * dtype.itemsize for shape, dtype in stored]
     sizes += [values.nbytes for values in run.static.values()]
     reserve(path, sum(sizes) + 16 * n + SLACK_EACH * len(sizes) + 2 * SLACK)
     with replacing(path) as partial:
@@ -82,7 +83,7 @@ def _write_cells(root: h5py.Group, n: int) -> None:
         group["Connectivity"] = np.arange(cells, dtype=np.int64)
 
 
-def _write_fields(root: h5py.Group, run: Run, frames: int, n: int) -> None:
+def _write_fields(root: h5py.Group, run: Recorded, frames: int, n: int) -> None:
     root["NumberOfPoints"] = np.full(frames, n, np.int64)
     points = root.create_dataset("Points", (frames * n, 3), np.float64)
     data = root.create_group("PointData")
@@ -91,15 +92,15 @@ def _write_fields(root: h5py.Group, run: Run, frames: int, n: int) -> None:
             data[vtk_name(name)] = values
     names = [name for name in run.field_names if name != "position"]
     for name in names:
-        shape, dtype = run.field(name).shape, run.field(name).dtype
+        shape, dtype = run.source.shape(name)
         # Vectors get three components, or ParaView does not take them for vectors.
         tail = (3,) if len(shape) == 3 else ()
         data.create_dataset(vtk_name(name), (frames * n, *tail), dtype)
     for k in range(frames):
         rows = slice(k * n, (k + 1) * n)
-        points[rows] = _three_columns(run.field("position")[k])
+        points[rows] = _three_columns(run.source.read("position", k))
         for name in names:
-            data[vtk_name(name)][rows] = _three_columns(run.field(name)[k])
+            data[vtk_name(name)][rows] = _three_columns(run.source.read(name, k))
 
 
 def _write_steps(root: h5py.Group, times: np.ndarray, n: int) -> None:

@@ -6,12 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from particell.output.recorded import Recorded
 from particell.output.sources import Index
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from particell.output.run import Run
 
 
 class Field:
@@ -21,7 +20,7 @@ class Field:
     some frames, ``numpy.asarray(field)`` everything.
     """
 
-    def __init__(self, run: Run, name: str):
+    def __init__(self, run: Recorded, name: str):
         self.run, self.name = run, name
 
     @property
@@ -52,13 +51,15 @@ class Field:
         return f"Field({self.name!r}, shape={self.shape}, dtype={self.dtype})"
 
     def on_line(self, start, end, points: int = 101, frame: int = -1, **options: Any) -> np.ndarray:
-        """As :meth:`Run.on_line`."""
+        """As :meth:`.Run.on_line`."""
         return self.run.on_line(self.name, start, end, points, frame, **options)
 
     def on_grid(self, shape, frame: int = -1, **options: Any) -> np.ndarray:
-        """As :meth:`Run.on_grid`."""
+        """As :meth:`.Run.on_grid`."""
         return self.run.on_grid(self.name, shape, frame, **options)
 
     def plot(self, frame: int = -1, **options: Any) -> Figure:
         """As :meth:`.RunPlots.scatter`."""
-        return self.run.plot.scatter(self.name, frame, **options)
+        from particell.output.run_plots import RunPlots
+
+        return RunPlots(self.run).scatter(self.name, frame, **options)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -13,10 +13,8 @@ from particell.analysis.fields import line, plane
 from particell.errors import InputError
 from particell.geometry.domain import AXES
 from particell.output.quantities import Quantity, Shown
+from particell.output.recorded import Recorded
 from particell.plots.maps import move_particles
-
-if TYPE_CHECKING:
-    from particell.output.run import Run
 
 Limits = tuple[float, float] | None
 #: Cells along the longer side of a map.
@@ -44,7 +42,7 @@ class Scatter:
 
     def __init__(
         self,
-        run: Run,
+        run: Recorded,
         what: Quantity,
         groups: str | Sequence[str] | None = None,
         component: int | str | None = None,
@@ -91,7 +89,7 @@ class GridMap:
 
     def __init__(
         self,
-        run: Run,
+        run: Recorded,
         what: str,
         cells: int | Sequence[int] | None = None,
         across: str | None = None,
@@ -139,7 +137,7 @@ class Profile:
 
     def __init__(
         self,
-        run: Run,
+        run: Recorded,
         names: Sequence[str],
         start: Sequence[float] | None = None,
         end: Sequence[float] | None = None,
@@ -200,7 +198,7 @@ class Profile:
         figure.axes[0].set_title(self.run.title(frame))
 
 
-def _field(run: Run, what: str, component: int | str | None, label: str | None) -> Shown:
+def _field(run: Recorded, what: str, component: int | str | None, label: str | None) -> Shown:
     """What is to be interpolated, which has to be a recorded field."""
     shown = Shown(run, what, component, label)
     if not shown.is_field:
@@ -219,7 +217,7 @@ def _common(labels: Sequence[str]) -> str:
 
 
 def _places(
-    run: Run, cells: int | Sequence[int] | None, across: str | None, at: float | None
+    run: Recorded, cells: int | Sequence[int] | None, across: str | None, at: float | None
 ) -> tuple[np.ndarray, tuple[int, int]]:
     """Centres of the cells of a map, (nx, ny, D), and the two axes that are seen."""
     domain = run.domain
@@ -242,7 +240,7 @@ def _places(
 
 
 def line_of(
-    run: Run,
+    run: Recorded,
     what: str,
     start: Sequence[float] | None,
     end: Sequence[float] | None,
@@ -254,7 +252,7 @@ def line_of(
 
 
 def line_points(
-    run: Run, start: Sequence[float] | None, end: Sequence[float] | None, points: int
+    run: Recorded, start: Sequence[float] | None, end: Sequence[float] | None, points: int
 ) -> tuple[np.ndarray, np.ndarray, str]:
     """Points of a line, what is shown of them, and how that is called."""
     domain = run.domain

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from particell.errors import InputError, unknown_name
 from particell.geometry.domain import AXES
+from particell.output.recorded import Recorded
 from particell.plots.style import field_label, label
-
-if TYPE_CHECKING:
-    from particell.output.run import Run
 
 #: What can be shown: a name, or numbers of the particles, (n,) or (frames, n), by id.
 Quantity = str | np.ndarray
@@ -41,7 +39,7 @@ class Shown:
 
     def __init__(
         self,
-        run: Run,
+        run: Recorded,
         what: Quantity,
         component: int | str | None = None,
         label: str | None = None,
@@ -72,7 +70,7 @@ class Shown:
     @property
     def _is_vector(self) -> bool:
         if self.name in self.run.field_names:
-            return self.run.field(self.name).ndim == 3
+            return len(self.run.source.shape(self.name)[0]) == 3
         return self.run.static[self.name].ndim == 2
 
     def at(self, frame: int) -> np.ndarray:

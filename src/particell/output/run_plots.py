@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -15,11 +15,9 @@ from particell.errors import InputError, unknown_name
 from particell.output import movie
 from particell.output.pictures import FramePicture, GridMap, Limits, Profile, Scatter
 from particell.output.quantities import Quantity, Shown
+from particell.output.recorded import Recorded
 from particell.output.series import panels_of
 from particell.plots.distributions import Expected, distribution
-
-if TYPE_CHECKING:
-    from particell.output.run import Run
 
 PICTURES: dict[str, Callable[..., FramePicture]] = {
     "scatter": Scatter,
@@ -48,7 +46,7 @@ class RunPlots:
     Wrong names, frames and combinations are an :class:`~particell.errors.InputError`.
     """
 
-    def __init__(self, run: Run):
+    def __init__(self, run: Recorded):
         self.run = run
 
     def __call__(self, what: Quantity, frame: int = -1, **options: Any) -> Figure:

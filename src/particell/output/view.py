@@ -11,12 +11,11 @@ import numpy as np
 from particell.errors import InputError
 from particell.output.files import replacing
 from particell.output.quantities import Quantity, Shown
+from particell.output.recorded import Recorded
 from particell.units import length_scale
 
 if TYPE_CHECKING:
     import pyvista
-
-    from particell.output.run import Run
 
 #: Up to that many particles are spheres with a surface; more are points shaded as spheres.
 MOST_SPHERES = 20_000
@@ -25,7 +24,7 @@ DIAMETER, ARROW = 0.8, 2.5
 
 
 def view(
-    run: Run,
+    run: Recorded,
     what: Quantity,
     frame: int,
     groups: str | Sequence[str] | None,
@@ -94,7 +93,7 @@ def _in_space(points: np.ndarray) -> np.ndarray:
 
 
 def _arrows(
-    cloud: pyvista.PolyData, run: Run, frame: int, chosen: np.ndarray, spacing: float
+    cloud: pyvista.PolyData, run: Recorded, frame: int, chosen: np.ndarray, spacing: float
 ) -> pyvista.PolyData:
     """An arrow along each particle's velocity, the longest some spacings long."""
     velocity = _in_space(run.source.read("velocity", frame)[chosen])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -14,6 +16,7 @@ from particell.errors import InputError
 from particell.kernels import kernel_code, normalisation
 from particell.laws.continuity import DensityDiffusion, HeadOfRest
 from particell.laws.hydrostatics import AT_REST
+from particell.laws.law import Law
 from particell.laws.pressure import PressureForce
 from particell.laws.viscosity import Viscosity
 from particell.operations.kept_volume import KeptVolume
@@ -26,7 +29,17 @@ from particell.sources.source import Names
 from particell.state import State
 
 #: Names that laws, loops and frames use for something else, also where there is no such thing.
-RESERVED = {"time", "step", "inverse_dt", "half_step", "lead", "position", "velocity", "index"}
+RESERVED = {
+    "time",
+    "field_lead",
+    "step",
+    "inverse_dt",
+    "half_step",
+    "lead",
+    "position",
+    "velocity",
+    "index",
+}
 RESERVED |= {"member", "lanes", "octets", "shifts", "start", "split", "stop", "neighbours"}
 RESERVED |= {"dim", "side", "names", "replace", "field", "record", "columns", "whole_columns"}
 RESERVED |= {"specific_volume", "pressure_over_square", "v_ahead", "own_kernel", "transport"}
@@ -42,9 +55,13 @@ class Flow:
     ----------
     state, scheme
         What it acts on; its description.
+    forces
+        Laws of body forces.
 
     Attributes
     ----------
+    laws
+        Those that act besides the scheme's.
     properties
         The :class:`.Properties` by group.
     constants
@@ -56,10 +73,14 @@ class Flow:
         (:mod:`particell.boundaries.wall_friction`).
     leads
         Whether friction takes velocities ahead (:meth:`lead`).
+    law_limit
+        Of the step, by laws of the user's, in s.
     """
 
-    def __init__(self, state: State, scheme: Any):
+    def __init__(self, state: State, scheme: Any, forces: Sequence[Law] = ()):
         self.state, self.scheme = state, scheme
+        self.forces = tuple(forces)
+        self.laws = (*scheme.more, *forces)
         dim, device, array = state.dim, state.device, state.device.array
         self.properties = properties = Properties(state, scheme)
         gravity = np.zeros(dim) if scheme.gravity is None else np.array(scheme.gravity, dtype=float)
@@ -71,6 +92,7 @@ class Flow:
         self.held = FREE
         if self.walls:
             self.held = TENSOR if properties.radial else ISOTROPIC
+        self.law_limit = math.inf
         self.leads = not (scheme.fluctuations or scheme.integrator == "trapezoidal")
         code, key = kernel_code(scheme.kernel), stream_key(state.seed, PAIR_NOISE)
         self.constants: dict[str, Any] = {
@@ -120,7 +142,7 @@ class Flow:
                 self.state.dim,
                 {name: field.components for name, field in p.declared.items()},
                 {k: isinstance(v, np.ndarray) for k, v in tables.items()},
-                numbers=frozenset({"time", "inverse_dt", "half_step", "lead"}),
+                numbers=frozenset({"time", "inverse_dt", "half_step", "lead", "field_lead"}),
                 vectors=frozenset({"gravity"}),
             ),
             kernel=kernel_code(scheme.kernel),
@@ -141,7 +163,7 @@ class Flow:
             buoyancy=buoyancy,
             several=int(found.fluids.sum()) > 1,
             parted=found.parted,
-            more=tuple(scheme.more),
+            more=self.laws,
             fields=tuple(f.name for f in scheme.fields),
         )
 
@@ -159,6 +181,10 @@ class Flow:
             return 1.0
         return min(1.0, max(0.0, EXPLICIT / (dt * stiffness) - 1.0))
 
+    def field_lead(self, dt: float) -> float:
+        """How far ahead fields of the user's are taken, as :meth:`lead`: by what laws allow."""
+        return min(1.0, max(0.0, EXPLICIT * self.law_limit / dt - 1.0))
+
     def numbers(self, step: int) -> dict[str, float]:
         """What sums depend on besides fields; ``step`` is the number that noise has."""
         clock = self.state.clock
@@ -168,6 +194,7 @@ class Flow:
             "inverse_dt": 1.0 / clock.dt,
             "half_step": 0.5 * clock.dt,
             "lead": self.lead(clock.dt),
+            "field_lead": self.field_lead(clock.dt),
         }
 
     def check_names(self) -> None:

@@ -70,6 +70,16 @@ def _ahead(held: int) -> Callable[[Side], Vector]:
     return velocity
 
 
+def _at_whole_step(name: str) -> Callable[[Side], Any]:
+    """A field of the user's when its rate is taken: half a step on, by the last rate."""
+
+    def value(p: Side) -> Any:
+        ahead = symbol("number", "field_lead") * symbol("number", "half_step")
+        return p.field(name) + ahead * p.field(name + RATE)
+
+    return value
+
+
 def _half_way(p: Side) -> Vector:
     """v in the middle of the step, by the last flux of momentum."""
     half_step = symbol("number", "half_step")
@@ -202,6 +212,7 @@ class FlowSweeps:
         derived: dict[str, Callable[[Side], Any]] = {
             "specific_volume": lambda p: p.volume / p.mass,
             "pressure_over_square": _pressure_over_square,
+            **{name: _at_whole_step(name) for name in self.fields},
         }
         velocity = "v"
         if self.lead:

@@ -232,14 +232,16 @@ class SDPD:
 
     def _trapezoidal(self) -> list[Stage]:
         """The papers' explicit two-stage rule; the same noise in both stages."""
-        rates: list[Stage] = [Rates(density=self.density != "summation"), ChangeFields()]
+        continuity = self.density != "summation"
         return [
             RenewList(),
-            *rates,
+            Rates(continuity, field_lead=0.0),
+            ChangeFields(),
             Predict(),
             At(When.MOVED, 1.0),
             *self._densities(0.0),
-            *rates,
+            Rates(continuity, field_lead=1.0),
+            ChangeFields(),
             Correct(),
             At(When.MOVED, 1.0),
             At(When.DRIFTED),

@@ -95,15 +95,15 @@ class Solver:
         n, clock = self.state.n, self.state.clock
         return lambda: loop(n, part * clock.dt)
 
-    def sweep(self, name: str, ahead: int = 0) -> Run:
-        """A sweep by name, after the operations that come before pairs."""
+    def sweep(self, name: str, ahead: int = 0, **more: float) -> Run:
+        """A sweep by name, after the operations that come before pairs; with ``more`` numbers."""
         before, n, clock = self.operations.at(When.PAIRS), self.state.n, self.state.clock
         numbers = self.flow.numbers
 
         def run() -> None:
             if before is not None:
                 before()
-            self._bound_sweep(name)(n, **numbers(clock.step + ahead))
+            self._bound_sweep(name)(n, **{**numbers(clock.step + ahead), **more})
 
         return run
 

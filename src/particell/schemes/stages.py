@@ -292,9 +292,13 @@ class Forces(Stage):
 
 @dataclass(frozen=True)
 class Rates(Stage):
-    """Accelerations, and the density's rate unless it is summed, in one sweep."""
+    """Accelerations, and the density's rate unless it is summed, in one sweep.
+
+    Fields of the user's are taken ``field_lead`` half steps ahead.
+    """
 
     density: bool
+    field_lead: float
     pointwise: ClassVar[bool] = False
 
     def sweeps(self, flow: Flow) -> Sequence[Sweep]:
@@ -303,7 +307,7 @@ class Rates(Stage):
 
     def bind(self, solver: Solver) -> Run:
         """See :meth:`Stage.bind`."""
-        return solver.sweep("rates" if self.density else "forces")
+        return solver.sweep("rates" if self.density else "forces", field_lead=self.field_lead)
 
 
 @dataclass(frozen=True)

@@ -44,7 +44,7 @@ import functools
 import math
 from dataclasses import dataclass, replace
 from importlib.resources import files
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
@@ -52,11 +52,7 @@ from particell.geometry.domain import Domain
 from particell.geometry.fill import lattice
 from particell.kernels import kernel_code, normalisation, power, shape_w
 from particell.materials import BOLTZMANN, Fluid
-
-if TYPE_CHECKING:
-    from particell.particles import Particles
-    from particell.schemes.sdpd import SDPD
-    from particell.schemes.transport_velocity import TransportVelocity
+from particell.particles import Particles
 
 #: Largest P_c in units of k_BT/V: what repels then is still far from freezing.
 MOST_CONFINED = 100.0
@@ -106,7 +102,7 @@ class DiscreteFluid:
 
 
 def discrete_fluids(
-    scheme: SDPD | TransportVelocity,
+    scheme: Any,
     particles: Particles,
     materials: list[Fluid],
     depth_factor: float,

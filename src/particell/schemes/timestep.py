@@ -23,6 +23,8 @@ import numpy as np
 
 from particell.errors import InputError
 
+#: The limits of :class:`StepLimits`.
+RULES = ("sound", "viscosity", "acceleration")
 #: More steps than anybody waits for.
 MOST_STEPS = 1e12
 COURANT = 0.25
@@ -58,7 +60,7 @@ class StepLimits:
     @property
     def reason(self) -> str:
         """Which limit is the smallest."""
-        return min(("sound", "viscosity", "acceleration"), key=lambda name: getattr(self, name))
+        return min(RULES, key=lambda name: getattr(self, name))
 
 
 def check_number_of_steps(dt: float, span: float) -> None:

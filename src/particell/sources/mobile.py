@@ -21,19 +21,24 @@ class Particles(Source):
     jumps
         Whether fluids with another equation of state are seen with the density of i, so that
         nothing is carried across the jump between them.
+    weighed
+        The array along the list that has the pairs' weights, if they are kept.
     """
 
     first: str = "start"
     last: str = "split"
     velocity: str = "v"
     jumps: bool = False
+    weighed: str = ""
 
     def see(self, i: Side, j: Side, kernel: int, uniform: bool) -> tuple[Side, Side, Pair]:
         """i, j and the pair as laws see them."""
         if self.jumps:
             same = j.equation == i.equation
             j = j.replace(density=where(same, j.density, i.density))
-        return i, j, Pair(i, j, kernel, uniform, self.velocity)
+        pair = Pair(i, j, kernel, uniform, self.velocity)
+        pair.weighed = self.weighed
+        return i, j, pair
 
 
 MOBILE = Particles()

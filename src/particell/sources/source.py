@@ -31,9 +31,13 @@ class Names:
     dim
         The number of dimensions.
     fields
-        Fields with their number of components; 0 for a number a particle.
+        Fields with their number of components, 0 for a number a particle; of a field that has a
+        column for each of several things the name of the number that says which.
     tables
-        Properties by group; those that are the same for all groups have a number.
+        Properties by group; those that are the same for all groups have a number (False), those
+        with columns, as for fields, a name.
+    groups
+        How many there are, where that is known.
     numbers, vectors
         What is the same for all particles: numbers, and arrays of one number an axis.
     derived
@@ -41,11 +45,12 @@ class Names:
     """
 
     dim: int
-    fields: Mapping[str, int]
-    tables: Mapping[str, bool] = field(default_factory=dict)
+    fields: Mapping[str, int | str]
+    tables: Mapping[str, bool | str] = field(default_factory=dict)
     numbers: frozenset[str] = frozenset()
     vectors: frozenset[str] = frozenset()
     derived: Mapping[str, Callable[[Side], Any]] = field(default_factory=dict)
+    groups: int = 0
 
     def _all(self) -> set[str]:
         return {*self.fields, *self.tables, *self.numbers, *self.vectors, *self.derived}
@@ -59,14 +64,17 @@ class Names:
             return self.derived[name](side)
         if name in self.fields:
             components = self.fields[name]
+            if isinstance(components, str):
+                return symbol("field", name, side.side, components)
             if components == 0:
                 return symbol("field", name, side.side)
             parts = [symbol("field", name, side.side, d) for d in range(components)]
             return Vector.of(f"{side.side}.{name}", parts)
         if name in self.tables:
-            if self.tables[name]:
-                return symbol("table", name, side.side)
-            return symbol("number", name)
+            kind = self.tables[name]
+            if kind is False:
+                return symbol("number", name)
+            return symbol("table", name, side.side, kind if isinstance(kind, str) else None)
         if name in self.numbers:
             return symbol("number", name)
         if name in self.vectors:
@@ -159,12 +167,15 @@ class Pair:
     offset
         x as it follows from the places of i and j, where j is seen elsewhere
         (:attr:`.Pass.offset`).
+    weighed
+        The array along the list that has the pair's weight (see :class:`.Pass`), if any.
     itself, only
         Whether i is its own neighbour too, and a condition on i for there to be any (see
         :class:`.Pass`).
     """
 
     offset: Vector | None = None
+    weighed: str = ""
     itself: bool = False
     only: Node | None = None
 
@@ -174,7 +185,7 @@ class Pair:
         j: Side,
         kernel: int,
         uniform: bool,
-        velocity: Vector | str = "v",
+        velocity: Any = "v",
         wall: bool = False,
         extrapolation: Number = 1.0,
     ):
@@ -187,8 +198,6 @@ class Pair:
     @cached_property
     def v(self) -> Vector:
         """See the class."""
-        if isinstance(self._velocity, Vector):
-            return self._velocity
         return difference("v", getattr(self.i, self._velocity), getattr(self.j, self._velocity))
 
     @cached_property
@@ -239,6 +248,14 @@ class Pair:
     def weight(self) -> Number:
         """See the class."""
         return self.j.volume * self.F
+
+    def kept(self, name: str) -> Node:
+        """What an array along the list has of the pair."""
+        return symbol("stored", name, "pair")
+
+    def of_groups(self, name: str, column: str | None = None) -> Node:
+        """The entry of a table (G, G), or (G, G, columns), of the groups of i and j."""
+        return symbol("groups", name, "" if self.i.names.groups == 1 else "pair", column)
 
     def noise(self, gaussian: bool) -> Vector:
         """D numbers of zero mean and unit variance, ξ_ij = −ξ_ji, by ids and step."""

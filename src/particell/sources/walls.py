@@ -6,12 +6,19 @@ See :mod:`particell.boundaries.wall` for the extrapolation.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 from numba import njit
 
-from particell.boundaries.wall import extrapolation, missed, plane_distances, surface_distance
-from particell.compute.expressions import Number, Vector, call, early, symbol
+from particell.boundaries.wall import (
+    CLOSEST,
+    extrapolation,
+    missed,
+    plane_distances,
+    surface_distance,
+)
+from particell.compute.expressions import Number, Vector, call, early, maximum, symbol
 from particell.laws.viscosity import TINY, sheared
 from particell.sources.source import Pair, Side, Source
 
@@ -60,6 +67,18 @@ class WallPair(Pair):
     depth: Number
     normal: tuple[Number, ...]
 
+    @cached_property
+    def v(self) -> Vector:
+        """v_i − v_j, extrapolated."""
+        own, its = (getattr(s, n) for s, n in zip((self.i, self.j), self._velocity, strict=True))
+        parts = zip(own.parts(self.dim), its.parts(self.dim), strict=True)
+        return Vector.of("v", (self.extrapolation * (p - q) for p, q in parts))
+
+    @property
+    def above(self) -> Number:
+        """d_i, bounded below as in the extrapolation."""
+        return maximum(self.distance, CLOSEST * self.i.support)
+
     @property
     def missed(self) -> Number:
         """What the extrapolation misses of quadratic profiles, by the friction's shear along it."""
@@ -82,11 +101,14 @@ class Walls(Source):
         Whether some have no known surface.
     velocity, its
         The names of the velocity of the fluid and of the wall that ij.v is made of.
+    weighed
+        The array along the list that has the pairs' weights, if they are kept.
     """
 
-    unknown: bool
+    unknown: bool = False
     velocity: str = "v"
     its: str = "v"
+    weighed: str = ""
     first: str = "split"
     last: str = "stop"
 
@@ -95,15 +117,14 @@ class Walls(Source):
         dim = i.names.dim
         dx: list[Number] = [symbol("pair", f"dx{d}", "pair") for d in range(dim)]
         dx += [0.0] * (3 - dim)
-        names = ("normal", "depth", "curvature", "direction", "distance")
+        surface = ("direction", "distance") if self.unknown else ("normal", "depth")  # not read
+        names = ("normal", "depth", "curvature", *surface)
         arrays = [symbol("array", f"wall_{name}") for name in names]
         args = (i.index, j.index, *dx, i.support, *arrays, dim, self.unknown)
         grow, distance, depth, *normal = call(seen_wall, args, 6, early=True)
         known = {n for n in FLUIDS_OWN if n in i.names}
         j = j.replace(**{name: getattr(i, name) for name in known})
-        own = getattr(i, self.velocity).parts(dim)
-        its = getattr(j, self.its).parts(dim)
-        velocity = Vector.of("v", (grow * (p - q) for p, q in zip(own, its, strict=True)))
-        pair = WallPair(i, j, kernel, uniform, velocity, wall=True, extrapolation=grow)
+        pair = WallPair(i, j, kernel, uniform, (self.velocity, self.its), True, grow)
         pair.distance, pair.depth, pair.normal = distance, depth, tuple(normal[:dim])
+        pair.weighed = self.weighed
         return i, j, pair

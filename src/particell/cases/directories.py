@@ -1,0 +1,74 @@
+"""Directories of runs: whose case it is, going on with it, and drawing its figures again.
+
+A directory is data: nothing that it names is imported but the program's own cases.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from particell import cases
+from particell.cases import execution
+from particell.cases.base import Case, Context
+from particell.errors import InputError
+from particell.output.files import read_json, reason
+from particell.output.run import CASE, Run
+
+
+def resume(
+    directory: str | Path, progress: bool = True, kind: type[Case] | str | None = None
+) -> int:
+    """Go on from the last checkpoint of a directory; gives the exit status.
+
+    ``kind`` is the class of a case that is not built in, as for :func:`read_case`.
+
+    Raises
+    ------
+    InputError, CheckpointError
+        Where the directory holds no run, or its checkpoint cannot be read.
+    """
+    directory = Path(directory)
+    case, context = read_case(directory, kind)
+    return execution.go_on(case, context, directory, progress)
+
+
+def replot(directory: str | Path, kind: type[Case] | str | None = None) -> list[Path]:
+    """Draw the figures of a directory again; gives the paths of the PNG files.
+
+    ``kind`` is the class of a case that is not built in, as for :func:`read_case`.
+    """
+    directory = Path(directory)
+    case, _ = read_case(directory, kind)
+    return case.figures(Run(directory), directory)
+
+
+def read_case(directory: str | Path, kind: type[Case] | str | None = None) -> tuple[Case, Context]:
+    """The case that a directory was made from, and how it was run.
+
+    Parameters
+    ----------
+    directory
+        Of a run. It is data: nothing that it names is imported but the program's own cases.
+    kind
+        The class of a case that is not built in, or its ``"module:Class"``.
+
+    Raises
+    ------
+    InputError
+        Where it holds no run, or one of a case that is neither built in nor given.
+    """
+    path = Path(directory) / CASE
+    if not os.path.isfile(path):
+        raise InputError("directory", str(directory), f"one with the output of a run ({CASE})")
+    found = read_json(path, "case")
+    try:
+        name, reference = found["case"], found.get("class")
+        parameters, context = dict(found["parameters"]), Context(**found["context"])
+        described = cases.recorded(str(name), reference, kind)
+    except InputError:
+        raise
+    except (LookupError, TypeError, ValueError, AttributeError) as error:
+        allowed = f"a case file of particell ({type(error).__name__}: {reason(error)})"
+        raise InputError("case", str(path), allowed) from None
+    return described(**parameters), context

@@ -29,9 +29,8 @@ class Mobile:
 
     def __init__(self, flow: Flow):
         state, scheme = flow.state, flow.scheme
-        how = (scheme.kernel, scheme.support, state.dim)
-        walls = BESIDE_WALLS if flow.walls else 1.0
-        self._laplacian = walls * lattice_eigenvalue(*how, 2.0, 0.0, False)
+        self._kernel = scheme.kernel, scheme.support
+        self._beside = BESIDE_WALLS if flow.walls else 1.0
         self._particles, self._tables = state.particles, flow.properties.tables
         self._rows = state.particles.host("is_wall") == 0
         self.dim, self.time = state.dim, float(state.time)
@@ -41,7 +40,8 @@ class Mobile:
         if name.startswith("_"):
             raise AttributeError(name)
         if name == "laplacian":
-            return self._laplacian / self.support**2
+            largest = lattice_eigenvalue(*self._kernel, self.dim, 2.0, 0.0, False)
+            return self._beside * largest / self.support**2
         if name == "specific_volume":
             return 1.0 / self.density
         if name == "volume":  # before the first step there is none

@@ -44,11 +44,9 @@ class _Generator(Generator):
         """See the base."""
         loop = self._loop(self.values.roots, self.width)
         self.arguments = {}
-        pack: list[str] = []
-        if self.has_record:
-            lines = [f"at = i * {self.width}", *self._packed()]
-            pack = self._definition(f"pack_{self.plan.name}", "i", lines, "@particle_loop")
-        return self._module(loop, pack)
+        lines = [f"at = i * {self.width}", *self._record()]
+        pack = self._definition(f"pack_{self.plan.name}", "i", lines, "@particle_loop")
+        return self._module(loop, pack if self._packed else [])
 
     def _loop(self, roots: list[dict[str, tuple[Any, ...]]], width: int) -> list[str]:
         plan = self.plan
@@ -59,7 +57,7 @@ class _Generator(Generator):
         parts = [self.values.split(found) for found in roots]
         once = [number for _, needed in parts for number in needed]
         head = self._skipped()
-        if self.has_record:
+        if self._packed:
             head += [f"own = np.uint64(i) * np.uint64({width})", *self._own_place()]
         at = len(head)
         if self.values.placed:
@@ -168,7 +166,7 @@ class _Generator(Generator):
         if p.itself:
             row = f"np.uint64({row}) if k < {self._argument(p.last)}[i] else np.uint64(i)"
         lines = [f"j = {row}"]
-        if self.has_record:
+        if self._packed:
             lines.append(f"other = np.uint64(j) * np.uint64({width})")
         for number, place in self.values.record.items():
             gather.names[number] = f"record[other + np.uint64({place})]"

@@ -207,6 +207,11 @@ class Dependence:
             return all(map(self.vanishes_alone, parts[1:]))
         return False
 
+    def reads_along_rows(self) -> bool:
+        """Whether anything is read that is kept of pairs."""
+        whats = (node.what for node in self.numbering.nodes if node.op == "symbol")
+        return any(what[0] == "stored" for what in whats)
+
     def is_dear(self, value: Any) -> bool:
         """Whether a value takes functions of pairs that no vector computes quickly."""
         if not isinstance(value, int):

@@ -27,14 +27,13 @@ def form_of(plan: Plan, backend: str, named: str | None = None) -> str:
     """
     if backend == "cuda":
         return "cuda"
-    if named == "gather" or any(p.stored or p.weighed for p in plan.passes):
+    values = Dependence(plan)
+    if named == "gather" or any(p.along_rows for p in plan.passes) or values.reads_along_rows():
         return "gather"
-    if named == "lanes":
-        return "lanes"
-    return "lanes" if _suits_lanes(plan) else "gather"
+    return "lanes" if named == "lanes" or _suits_lanes(plan, values) else "gather"
 
 
-def _suits_lanes(plan: Plan) -> bool:
+def _suits_lanes(plan: Plan, values: Dependence) -> bool:
     """Whether lanes are the faster form: particles of one support, and pairs that cost little.
 
     Clusters are compact where spacings are alike. Random numbers, powers and the like cost more
@@ -42,5 +41,4 @@ def _suits_lanes(plan: Plan) -> bool:
     """
     if plan.dim == 1 or any(p.support is not None for p in plan.passes):
         return False
-    values = Dependence(plan)
     return not any(values.is_dear(v) for roots in values.roots for vs in roots.values() for v in vs)

@@ -17,7 +17,7 @@ import re
 from typing import Any
 
 from particell.compute.bins import LANES, SLOT_BITS
-from particell.compute.dependence import ITS, NUMBER, OWN
+from particell.compute.dependence import CONDITIONS, ITS, NUMBER, OWN
 from particell.compute.emit import Writer
 from particell.compute.plan import Pass, Plan, sum_names
 from particell.compute.writing import Generated, Generator, indented
@@ -33,7 +33,7 @@ class LanesGenerator(Generator):
 
     def __init__(self, plan: Plan):
         super().__init__(plan)
-        assert not any(p.stored for p in plan.passes), "values of pairs are stored along rows"
+        assert not any(p.along_rows for p in plan.passes), "what is kept of pairs stands along rows"
         self._place: dict[Any, int] = {}  # of what is kept for each lane
 
     def write(self) -> Generated:
@@ -41,7 +41,7 @@ class LanesGenerator(Generator):
         loop = self._loop()
         self.arguments = {}
         member = self._argument("member")
-        lines = [f"i = {member}[s]", f"at = s * {self.width}", *self._packed()]
+        lines = [f"i = {member}[s]", f"at = s * {self.width}", *self._record()]
         pack = self._definition(f"pack_{self.plan.name}", "s", lines, "@particle_loop")
         self.columns = len(self._place)
         return self._module(loop, pack)
@@ -134,14 +134,19 @@ class LanesGenerator(Generator):
             lines.append(f"{self._lane(('x', d))} = record[own + np.uint64({d})]")
         if self._reach_is_own():
             lines.append(f"{self._lane('reach2')} = {self._argument('support')}[i] * support[i]")
-        truths = {roots["only"][0] for roots in self.values.roots if "only" in roots}
         for number in own:
-            name = writer.names[number]
-            lines.append(
-                f"{self._lane(number)} = {f'1.0 if {name} else 0.0' if number in truths else name}"
-            )
+            value = writer.names[number]
+            value = f"1.0 if {value} else 0.0" if self._is_condition(number) else value
+            lines.append(f"{self._lane(number)} = {value}")
         lines += [f"{self._lane(name)} = 0.0" for name in self._accumulators()]
         return [EACH, *indented(self._with_own(lines))]
+
+    def _is_condition(self, number: int) -> bool:
+        return self.values.numbering.nodes[number].op in CONDITIONS
+
+    def _names_of(self, kept: dict[Any, str]) -> dict[Any, str]:
+        """The texts of values that are kept for lanes."""
+        return {k: f"({v} != 0.0)" if self._is_condition(k) else v for k, v in kept.items()}
 
     def _reach_is_own(self) -> bool:
         """Whether some pass needs to know what is within the support of i."""
@@ -182,7 +187,7 @@ class LanesGenerator(Generator):
         dim, width = self.plan.dim, self.width
         names = dict(numbers.names)
         kept: dict[Any, str] = {number: f"o{k}" for k, number in enumerate(own)}
-        names |= kept
+        names |= self._names_of(kept)
         its = {n: place for n, place in self.values.record.items() if n in found["its"]}
         names |= {number: f"b{place}" for number, place in its.items()}
         offset = [f"dx{d} = {self._lane(('x', d))} - y{d} - s{d}" for d in range(dim)]
@@ -196,7 +201,7 @@ class LanesGenerator(Generator):
         kept |= {("apart", number): f"e{k}" for k, number in enumerate(found["apart"])}
         pairs = self._writer("t", names)
         pairs.names |= {number: kept["apart", number] for number in found["apart"]}
-        acts = self._act(p, roots, pairs, kept)
+        acts = self._act(p, roots, pairs)
         inner = self._with_own(self._with_lanes([*offset, *acts], kept))
         begin, last = (self._argument(f"cluster_{name}") for name in (p.first, p.last))
         shift, entries = self._argument("shifts"), self._argument("cluster_entries")
@@ -272,7 +277,7 @@ class LanesGenerator(Generator):
             for v in roots[name]
         ]
 
-    def _act(self, p: Pass, roots: Roots, pairs: Writer, kept: dict[Any, str]) -> list[str]:
+    def _act(self, p: Pass, roots: Roots, pairs: Writer) -> list[str]:
         """Evaluate the laws of the pairs and add to the sums."""
         wanted = [n for name in p.sums for n in roots[name] if isinstance(n, int)]
         left_out = self._left_out(p, roots)
@@ -281,7 +286,7 @@ class LanesGenerator(Generator):
             lines += self._reach(p, roots, pairs)
             tests = ["(r2 < reach2)"]
             tests += [] if p.itself else ["(l != itself)"]
-            tests += [f"({kept[n]} != 0.0)" for n in roots.get("only", ())]
+            tests += [pairs.names[n] for n in roots.get("only", ())]
             lines.append(f"near = {' & '.join(tests)}")
         lines += self._write(pairs, wanted)
         targets = [t for name, values in p.sums.items() for t in sum_names(name, len(values))]
@@ -298,10 +303,9 @@ class LanesGenerator(Generator):
     def _finished(self, numbers: Writer, own: list[int]) -> list[str]:
         """Finish the sums and write the rows of the cluster's particles."""
         kept: dict[Any, str] = {number: f"o{k}" for k, number in enumerate(own)}
+        writer = self._writer("t", numbers.names | self._names_of(kept))
         kept |= {name: name for name in self._accumulators()}
-        writer = self._writer("t", numbers.names)
         for number, place in self.values.record.items():
             writer.names[self.values.mirror(number)] = f"own_{place}"
-        writer.names |= {number: kept[number] for number in own}
         lines = self._with_own(self._with_lanes(self._finish(writer), kept))
         return [f"for l in range({self._argument('cluster_size')}[c]):", *indented(lines)]

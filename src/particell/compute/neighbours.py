@@ -190,8 +190,8 @@ class NeighbourList:
         if self._clusters is not None and self._clusters.build(self.x_built):
             self.fields |= self._clusters.fields
             self.renewals += 1
-            if self.capacity:
-                self._bind_rows()
+            if self.capacity:  # who holds rows looks up all arrays again
+                self._reserve(self.capacity)
         if self.capacity:
             self._fill_rows()
 

@@ -47,6 +47,11 @@ class Pass:
     weighed: str = ""
     running: dict[str, str] = field(default_factory=dict)
 
+    @property
+    def along_rows(self) -> bool:
+        """Whether it reads or keeps something of each pair, which stands along rows."""
+        return bool(self.stored or self.running or self.weighed)
+
     def values(self) -> list[Any]:
         """All that it computes."""
         summed = [v for values in self.sums.values() for v in values]

@@ -245,24 +245,25 @@ class Sweep:
         made = self.source(form)
         module = load(self.name, made.text, made.functions)
         lanes = form == "lanes"
-        n = len(fields["member" if lanes else "start"])
-        rows = batch_rows(device, n)
-        kind: Any = np.float64 if self.exact else device.real
-        sizes: dict[str, tuple[int, Any]] = {"record": (n * made.record, kind)}
+        n = len(fields["member" if lanes else "cell"])
+        rows, real = batch_rows(device, n), np.float64 if self.exact else device.real
+        sizes: dict[str, tuple[int, Any]] = {"record": (n * made.record, real)}
         if lanes:
             sizes["lanes"] = (made.columns * LANES * rows, np.float64)
         else:
-            sizes["columns"] = (made.columns * BATCH * rows, kind)
+            sizes["columns"] = (made.columns * BATCH * rows, real)
             sizes["whole_columns"] = (made.whole_columns * BATCH * rows, np.int64)
         for name, (size, kind) in sizes.items():
             if name not in scratch or len(scratch[name]) < size:
                 scratch[name] = device.zeros(max(1, size), kind)
         arrays = {**fields, **scratch, "octets": np.uint64(1)}
         arrays |= {argument: fields[name] for argument, name in made.renamed.items()}
-        names = (f"pack_{self.name}", self.name)
-        loops = [getattr(module, name) for name in names if hasattr(module, name)]
-        numbers = (n, n // LANES) if lanes else (None,) * len(loops)
-        return _Bound(self, device, loops, arrays, numbers)
+        loops = {
+            f"pack_{self.name}": n if lanes else None,
+            self.name: n // LANES if lanes else None,
+        }
+        there = {getattr(module, k): number for k, number in loops.items() if hasattr(module, k)}
+        return _Bound(self, device, there, arrays)
 
 
 def _asked(law: Law, method: str, *given: Any) -> Mapping[str, Any]:
@@ -304,20 +305,22 @@ def _name(law: Law, number: int) -> str:
 
 
 class _Bound:
-    """Loops that run one after the other, with numbers given at every call."""
+    """Loops that run one after the other, with numbers given at every call.
+
+    ``loops`` has over how many they run; None for those over particles.
+    """
 
     def __init__(
         self,
         sweep: Sweep,
         device: Device,
-        loops: Sequence[Any],
+        loops: Mapping[Any, int | None],
         arrays: Mapping[str, Any],
-        lengths: Sequence[int | None],
     ):
         self.own = sweep.numbers if sweep.numbers() else None
         self.parts = [
             (device.bind(loop, arrays), [a for a in loop.arguments if a not in arrays], length)
-            for loop, length in zip(loops, lengths, strict=True)
+            for loop, length in loops.items()
         ]
 
     def __call__(self, n: int, **numbers: Any) -> None:

@@ -64,9 +64,9 @@ class Generator:
         self.arguments: dict[str, None] = {}
         self.renamed: dict[str, str] = {}  # names of fields, by those of arguments
         self.columns = self.whole_columns = 0
-        self.width = next(w for w in WIDTHS if w >= plan.dim + len(self.values.record))
         #: whether anything is read of neighbours' records
-        self.has_record = self.values.placed or bool(self.values.record)
+        self._packed = self.values.placed or bool(self.values.record)
+        self.width = next(w for w in WIDTHS if w >= plan.dim + len(self.values.record))
 
     def write(self) -> Generated:
         """The module."""
@@ -144,14 +144,14 @@ class Generator:
         given = textwrap.wrap(", ".join([index, *self.arguments]), 92, break_long_words=False)
         return [decorator, f"def {name}(", *indented(given), "):", *indented(lines)]
 
-    def _packed(self) -> list[str]:
+    def _record(self) -> list[str]:
         """Fill the record of particle i, which stands ``at``."""
         writer = self._writer("own")
         mirrored = [self.values.mirror(number) for number in self.values.record]
-        lines: list[str] = []
+        lines = []
         if self.values.placed:
             x = self._argument("x")
-            lines += [f"record[at + {d}] = {x}[i, {d}]" for d in range(self.plan.dim)]
+            lines = [f"record[at + {d}] = {x}[i, {d}]" for d in range(self.plan.dim)]
         lines += self._write(writer, mirrored)
         for number, place in zip(mirrored, self.values.record.values(), strict=True):
             lines.append(f"record[at + {place}] = {writer.names[number]}")

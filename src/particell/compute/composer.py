@@ -33,7 +33,7 @@ WIDTHS = (2, 4, 8, 16, 24, 32, 48, 64, 96, 128)
 #: Names of variables in loops.
 LOCALS = re.compile(
     r"(i|j|k|q|c|at|own|other|wraps|r2|reach2|begin|last|end|filled|base|base_whole|math|np|thread"
-    r"|n|first|(x|dx|c|t|own|own_|of_i|near)\d+|sum_\w+)"
+    r"|n|first|own_group|(x|dx|c|t|own|own_|of_i|near)\d+|sum_\w+)"
 )
 HEAD = """\
 import math
@@ -124,7 +124,7 @@ class _Generator:
             place = [f"{self._argument('group')}[{side}]"]
         if kind == "groups":
             group = self._argument("group") if side else ""
-            place = [f"{group}[i]", f"{group}[j]"] if side else ["0", "0"]
+            place = ["own_group", f"{group}[j]"] if side else ["0", "0"]
         if isinstance(component, str):
             component = self._argument(component)
         place += [] if component is None else [str(component)]
@@ -197,7 +197,11 @@ class _Generator:
         lines = [*head, *body, *self._finish(own)]
         read = set(re.findall(r"\bown_\d+\b", "\n".join(lines)))
         places = [k for k in self.values.record.values() if f"own_{k}" in read]
-        lines[at:at] = [f"own_{k} = record[own + np.uint64({k})]" for k in places]
+        loads = [f"own_{k} = record[own + np.uint64({k})]" for k in places]
+        lines = [line.replace("group[i]", "own_group") for line in lines]
+        if any("own_group" in line for line in lines):  # once, whatever is written meanwhile
+            loads.append("own_group = group[i]")
+        lines[at:at] = loads
         vectorise = self.form == "gather" and not all(p.weighed for p in plan.passes)
         return self._definition(plan.name, lines, vectorise)
 

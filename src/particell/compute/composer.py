@@ -71,7 +71,11 @@ class _Generator(Generator):
         lines = [*head, *body, *self._finish(own)]
         read = set(re.findall(r"\bown_\d+\b", "\n".join(lines)))
         places = [k for k in self.values.record.values() if f"own_{k}" in read]
-        lines[at:at] = [f"own_{k} = record[own + np.uint64({k})]" for k in places]
+        loads = [f"own_{k} = record[own + np.uint64({k})]" for k in places]
+        lines = [line.replace("group[i]", "own_group") for line in lines]
+        if any("own_group" in line for line in lines):  # once, whatever is written meanwhile
+            loads.append("own_group = group[i]")
+        lines[at:at] = loads
         vectorise = self.form == "gather" and not all(p.weighed for p in plan.passes)
         decorator = "@particle_loop" + ("(vectorise=True)" if vectorise else "")
         return self._definition(plan.name, "i", lines, decorator)

@@ -19,7 +19,7 @@ WIDTHS = (2, 4, 8, 16, 24, 32, 48, 64, 96, 128)
 #: Names of variables in loops.
 LOCALS = re.compile(
     r"(i|j|k|l|q|c|s|at|own|other|wraps|r2|reach2|begin|last|end|filled|base|base_whole|math|np"
-    r"|thread|n|first|entry|slot|image|itself|near|some|lane_count"
+    r"|thread|n|first|entry|slot|image|itself|near|some|lane_count|own_group"
     r"|(x|y|s|b|o|e|n|dx|c|t|own|own_|of_i|near|away)\d+|sum_\w+)"
 )
 IMPORTS = """\

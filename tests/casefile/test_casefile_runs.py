@@ -93,6 +93,7 @@ PAIRS = [
     (boundaries.FixedValueWallTable, pc.FixedValueWall, {}),
     (boundaries.FluxWallTable, pc.FluxWall, {}),
     (boundaries.BuoyancyTable, pc.Buoyancy, {}),
+    (boundaries.BodyForceTable, pc.BodyForce, {}),
     (StopTable, pc.SteadyState, {}),
     (AverageTable, pc.TimeAverage, {}),
 ]
@@ -110,6 +111,7 @@ ELSEWHERE = {
     ),
     "LawWarning": "a line, and one in the summary",
     **dict.fromkeys(("Law", "Field"), "code: from a script, as parts of a scheme"),
+    **dict.fromkeys(("Operation", "When", "Every", "State", "particle_loop"), "code: operations"),
 }
 
 
@@ -140,7 +142,8 @@ def test_tables_have_the_parameters_of_what_they_make(table, made, without):
 def test_tables_of_the_simulation():
     whole = set(SimulationTable.model_fields) | {"seed", "device"}
     tables = set(FileCase.model_fields) - {"simulation", "stop", "run", "constants", "sbml"}
-    assert set(inspect.signature(Simulation).parameters) <= whole | tables
+    code = {"operations", "observables"}
+    assert set(inspect.signature(Simulation).parameters) <= whole | tables | code
     options = set(RunTable.model_fields) | {"self", "out", "progress", "overwrite"}
     options |= set(FileCase.model_fields) & {"stop", "averages"}
     assert set(inspect.signature(Simulation.run).parameters) <= options
@@ -157,7 +160,7 @@ def test_the_yeast_channel_has_the_same_bits():
     file = described_case(str(YEAST), ["constants.resolution=40"])
     assert (python.until, python.every) == (file.until, file.every)
     one, two = python.build(Context(seed=3)), file.build(Context(seed=3))
-    assert one.depth == two.depth and one.settings == two.settings
+    assert one.system.depth == two.system.depth and one.settings == two.settings
     first, second = (state_after(s, python.every, 40) for s in (one, two))
     assert first.keys() == second.keys()
     assert one.chemistry_every < 40 and one.settings == two.settings

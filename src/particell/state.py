@@ -14,6 +14,7 @@ from particell.chemistry.contents import Contents
 from particell.compute.device import Device
 from particell.compute.loop import Loop
 from particell.compute.neighbours import NeighbourList
+from particell.compute.reduce import Reduction
 from particell.geometry.domain import Domain
 from particell.materials import Fluid
 from particell.particles import Particles
@@ -79,6 +80,9 @@ class State:
     ----------
     clock
         The :class:`Clock`.
+    reduce
+        Sums and maxima over all particles (:class:`.Reduction`): the only way to numbers that
+        steer the run, the same whoever holds which particle.
     species
         What particles hold of species, None where there are none.
     """
@@ -98,6 +102,7 @@ class State:
         self.particles, self.neighbours = particles, neighbours
         self.phases, self.materials = list(phases), list(materials)
         self.species: Contents | None = None
+        self.reduce = Reduction(device)
         self.clock = Clock()
 
     @property

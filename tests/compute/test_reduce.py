@@ -79,3 +79,31 @@ def test_no_memory_is_taken_twice():
     made = {key: id(array) for key, array in reduction._work.items()}
     reduction.sum(values)
     assert {key: id(array) for key, array in reduction._work.items()} == made
+
+
+class Others:
+    """A communicator that has what other processes would send."""
+
+    rank, size = 0, 3
+
+    def __init__(self, bins=0, largest=-math.inf):
+        self.bins, self.largest, self.sent = bins, largest, None
+
+    def sum(self, numbers):
+        self.sent = numbers.copy()
+        return numbers + self.bins
+
+    def maximum(self, number):
+        return max(number, self.largest)
+
+
+def test_sums_over_processes_are_those_of_one():
+    """Whoever holds which particle: 1/3 and 2/3 of numbers of all sizes, bit for bit."""
+    random = np.random.default_rng(5)
+    values = random.normal(size=(900, 2)) * 10.0 ** random.integers(-200, 200, (900, 2))
+    first, second = Others(), Others()
+    Reduction(Device(), first).sum(values[:300])
+    Reduction(Device(), second).sum(values[300:500])
+    whole = Reduction(Device(), Others(first.sent + second.sent)).sum(values[500:])
+    assert whole.tobytes() == Reduction(Device()).sum(values).tobytes()
+    assert Reduction(Device(), Others(largest=7.0)).max(np.array([1.0, 3.0])) == 7.0

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
+from particell.compute.communicator import Alone, Communicator
 from particell.compute.device import Device
 from particell.compute.loop import particle_loop
 
@@ -139,10 +140,19 @@ def rounded(bins: np.ndarray) -> float:
 
 
 class Reduction:
-    """Sums and maxima of per-particle values: arrays of the device, or NumPy's."""
+    """Sums and maxima of per-particle values: arrays of the device, or NumPy's.
 
-    def __init__(self, device: Device):
+    Parameters
+    ----------
+    device
+        Where loops run.
+    communicator
+        Who else holds particles.
+    """
+
+    def __init__(self, device: Device, communicator: Communicator | None = None):
         self.device = device
+        self.communicator: Communicator = communicator or Alone()
         self._host = device if device.backend == "cpu" else Device()
         self._most_lanes = LANES[device.backend]
         self._work: dict[tuple, Any] = {}
@@ -172,14 +182,14 @@ class Reduction:
         add = (accumulate if real else sum_integers).specialise(device.backend)
         add(lanes, values, lanes, bins)
         gather_lanes.specialise(device.backend)(columns * width, bins, lanes, total)
-        found = device.to_host(total)
+        found = self.communicator.sum(device.to_host(total))
         return np.array([rounded(row) for row in found]) if real else np.array(found[:, 0])
 
     def max(self, values) -> float:
         """Largest of a non-empty array of shape (n,); NaN where one is NaN."""
         if isinstance(values, np.ndarray):
-            return float(values.max())
+            return self.communicator.maximum(float(values.max()))
         partial = self._array(self.device, -(-len(values) // BLOCK), 1, dtype=values.dtype)
         find = block_maxima.specialise(self.device.backend, BLOCK=BLOCK)
         find(len(partial), values, len(values), partial)
-        return float(self.device.to_host(partial).max())
+        return self.communicator.maximum(float(self.device.to_host(partial).max()))

@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 
 from particell.compute.loop import particle_loop
-from particell.compute.reduce import Reduction
 from particell.operations.operation import Operation, When
 from particell.operations.rest_pressure import is_enclosed
 from particell.state import State
@@ -71,7 +70,6 @@ class KeptVolume(Operation):
         if self.wanted is False:
             return
         self._parts = state.device.zeros((state.n, 1))
-        self._reduction = Reduction(state.device)
         self._volumes = state.bind(fluid_volume, {"part": self._parts})
         self._scale = state.bind(scale_density)
 
@@ -90,7 +88,7 @@ class KeptVolume(Operation):
 
     def _present(self, state: State) -> float:
         self._volumes(state.n)
-        return float(self._reduction.sum(self._parts)[0])
+        return float(state.reduce.sum(self._parts)[0])
 
     def keep(self, state: State) -> None:
         """Scale densities so that the volume is what it was."""

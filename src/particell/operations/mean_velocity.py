@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from particell.boundaries.mean_velocity import MeanVelocity, add_velocity, axial_momentum
-from particell.compute.reduce import Reduction
 from particell.errors import InputError
 from particell.operations.operation import Operation, When
 from particell.state import State
@@ -33,10 +32,9 @@ class KeepMeans(Operation):
     def attach(self, state: State) -> None:
         """Bind the loops."""
         self._momentum = state.device.zeros((state.n, 1), np.float64)
-        self._reduction = Reduction(state.device)
         particles = state.particles
         mass = np.where(particles.view("is_wall") == 0, particles.view("mass"), 0.0)
-        self._mass = float(self._reduction.sum(mass[:, None])[0])
+        self._mass = float(state.reduce.sum(mass[:, None])[0])
         more = {"momentum": self._momentum}
         self._loops = [
             (
@@ -51,5 +49,5 @@ class KeepMeans(Operation):
         """Add what is missing to all fluid particles."""
         for velocity, measure, add in self._loops:
             measure(state.n)
-            now = float(self._reduction.sum(self._momentum)[0]) / self._mass
+            now = float(state.reduce.sum(self._momentum)[0]) / self._mass
             add(state.n, velocity - now)

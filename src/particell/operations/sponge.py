@@ -14,7 +14,6 @@ import numpy as np
 
 from particell.boundaries.sponge import Sponge, relax_velocity, share_of_target, way_since
 from particell.chemistry.engine import Chemistry
-from particell.compute.reduce import Reduction
 from particell.errors import InputError, unknown_name
 from particell.fields import LOCAL, Field
 from particell.operations.operation import Operation, When
@@ -77,7 +76,6 @@ class RelaxInSponges(Operation):
 
     def attach(self, state: State) -> None:
         """Bind the loops."""
-        self._reduction = Reduction(state.device)
         self._neighbours = state.neighbours
         dim, self._relaxations, self._shares = state.dim, [], []
         if self._follows:
@@ -115,17 +113,17 @@ class RelaxInSponges(Operation):
 
     def relax_velocities(self, state: State) -> None:
         """Bring velocities towards their targets."""
-        if self._seen != state.neighbours.builds or self._moved_on(state.n):
+        if self._seen != state.neighbours.builds or self._moved_on(state):
             self.renew(state)
         for relax, time in self._relaxations:
             relax(state.n, state.dt / time)
 
-    def _moved_on(self, n: int) -> bool:
+    def _moved_on(self, state: State) -> bool:
         """Whether a particle has moved by :data:`TARGET_MOTION` since targets were evaluated."""
         if not self._follows:
             return False
-        self._measure_way(n)
-        return self._reduction.max(self._way) > TARGET_MOTION**2
+        self._measure_way(state.n)
+        return state.reduce.max(self._way) > TARGET_MOTION**2
 
     def relax_species(self, state: State) -> None:
         """Bring species towards their targets; what they gain is booked."""

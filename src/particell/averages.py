@@ -10,6 +10,9 @@ The mean is the value at :math:`x` of the linear function that fits all those :m
 the sense of these weights: moving least squares over space and time at once. It is exact for steady
 linear fields, at walls too, and every particle counts as much as it would in
 :mod:`particell.analysis.fields`. Sums, not particles, are kept, so that many samples cost little.
+
+The points are no particles and have no row in the neighbour list: candidates are taken from cells,
+in a loop of its own.
 """
 
 from __future__ import annotations

@@ -67,6 +67,16 @@ def test_what_is_true_or_false_is_in_no_record():
     assert "record[at + 2] = mass[i]" in made and "record[at + 3] = volume[i]" in made
 
 
+def test_pairs_with_kept_weights_need_no_places():
+    weight, total = symbol("stored", "weight", "pair"), sum_symbols("total", 1)
+    one = Pass("start", "stop", {"total": (weight * field("mass", "j"),)}, weighed="weight",
+               running={"grown": "total"})  # fmt: skip
+    made = source_of(Plan("loop", "A test", 2, (one,), {"total": Result(total, False)}), "gather")
+    assert "dx0" not in made.text and "x[i" not in made.text and made.columns == 0
+    assert "record[at + 0] = mass[i]" in made.text
+    assert "grown[k] = sum_total_" in made.text
+
+
 def test_lanes_that_only_fill_a_vector_divide_by_what_is_there():
     made = text(OFFSET[0] / (field("mass", "i") + field("mass", "j")))
     assert "columns[base + np.uint64(64) + c - np.uint64(1)]" in made

@@ -18,6 +18,8 @@ Distances are those of the wall's :class:`~particell.geometry.shapes.Shape` in t
 body (of the periodic image to which its nearest particle belongs), corners included
 (:mod:`particell.geometry.program`): what has been outside stays outside, at any speed at which a
 particle does not leave its wall neighbours behind in one step.
+This is no sum over neighbours, and so no composed sweep: of them only the nearest one is wanted, of
+which body by body a program is evaluated, and again after each trial.
 :math:`v_w` and :math:`a_w` are those of :mod:`particell.boundaries.volume_fraction`, which is also
 what acts at walls without a known surface.
 """

@@ -42,6 +42,9 @@ speed and largest speed). At a convex corner φ = 1/2 lies about half a spacing 
 concave one as far outside. Where the surface is known, see
 :mod:`particell.boundaries.impenetrable`.
 
+The means over *S* are no composed sweep: they are asked for at a place that is found on the way,
+for the few particles that touch a wall, up to several times each.
+
 Source: Jacob, thesis, UCSB 2020, chapter 3, where the sum is divided and particles that leave are
 turned too.
 """

@@ -17,10 +17,11 @@ from particell.chemistry.binomial import stochastic_round
 from particell.chemistry.species import checked_rate
 from particell.compute.loop import particle_loop
 from particell.errors import InputError
+from particell.laws.diffusion import FREE as FREE
+from particell.laws.diffusion import HELD as HELD
+from particell.laws.diffusion import WALL_FLUX as WALL_FLUX
+from particell.laws.diffusion import WALL_VALUE as WALL_VALUE
 from particell.materials import AVOGADRO
-
-# What a species is to the particles of a group.
-FREE, HELD, WALL_VALUE, WALL_FLUX = 0, 1, 2, 3
 
 
 @checked

@@ -6,7 +6,7 @@ is filled,
 .. math:: \varphi_i = \sum_j \frac{m_j}{\rho_0} W_{ij},
 
 with itself: about 1 on every lattice, 0.9 where one neighbour is missing, 0.5 at the edge of a
-void.
+void. (Not a composed sweep: the closest neighbour is a minimum, and sweeps sum.)
 """
 
 from __future__ import annotations

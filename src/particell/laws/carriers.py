@@ -43,6 +43,9 @@ extrapolated; as they have no amounts the factor of such a pair is that of the f
 
 Symmetric weights cannot in general be exact for linear profiles on disordered particles; what that
 costs is measured in the gallery (effective-diffusivity).
+
+The loop for Λ is written by hand and not composed: what is summed at an edge lies along a normal
+that is known only when the first sums are, and then for a few particles alone.
 """
 
 from __future__ import annotations
@@ -57,7 +60,6 @@ from particell.compute.batches import batch_buffer, batch_row, batch_rows
 from particell.compute.device import Device
 from particell.compute.expressions import Number, Vector, maximum, where
 from particell.compute.loop import particle_loop
-from particell.compute.rounding import nearest_integer
 from particell.compute.sweep import Sweep
 from particell.kernels import power, shape_f
 from particell.laws.diffusion import WEIGHED_WALLS
@@ -164,9 +166,7 @@ def carrier_tensors(
             j = neighbours[begin + k]
             r2 = 0.0
             for d in range(DIM):
-                r = x[i, d] - x[j, d]
-                if wraps:
-                    r -= period[d] * nearest_integer(r * inverse_period[d])
+                r = image_offset(x, i, j, d, wraps, period, inverse_period)
                 near_offset[offsets + np.uint64(d * BATCH) + k] = r
                 r2 += r * r
             near_square[row + k] = r2

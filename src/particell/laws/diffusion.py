@@ -43,8 +43,8 @@ from particell.sources.walls import Walls
 #: Steps are limited to this many h²/κ. Where that is not stable (:mod:`.chemistry.exchange`), the
 #: explicit exchange of concentrations is divided.
 STEP_LIMIT = 0.05
-#: What a group is to a species (:mod:`particell.chemistry.reservoirs`).
-WALL_VALUE, WALL_FLUX = 2, 3
+#: What a group is to a species: its particles hold it freely, as a reservoir, or are a wall's.
+FREE, HELD, WALL_VALUE, WALL_FLUX = 0, 1, 2, 3
 #: All neighbours, and those that are no walls, with weights that are kept.
 WEIGHED = Particles(last="stop", weighed="exchange")
 WEIGHED_MOBILE = Particles(weighed="exchange")

@@ -19,6 +19,7 @@ from typing import Any, NoReturn, Protocol
 import numpy as np
 from tqdm import tqdm
 
+from particell import snapshot
 from particell.averages import RunningAverage, TimeAverage, check_averages
 from particell.checks import checked, not_negative, positive
 from particell.compute import neighbours
@@ -115,6 +116,7 @@ class Recorder:
                 simulation.group_names,
                 parameters=json.dumps(plain(simulation.settings)),
                 points=self.points,
+                units=snapshot.units_of(simulation),
             )
 
     def record(self) -> dict[str, float]:
@@ -166,6 +168,7 @@ class Recorder:
             self.frames,
             self.observables,
             points=self.points,
+            units=snapshot.units_of(s),
         )
 
 

@@ -73,6 +73,11 @@ def field_names_of(simulation: Simulated) -> list[str]:
     return names
 
 
+def units_of(simulation: Simulated) -> dict[str, str]:
+    """Units of the fields of the user's."""
+    return {f.name: f.unit for f in simulation.scheme.fields if f.unit}
+
+
 def field_of(simulation: Simulated, name: str) -> np.ndarray:
     """One of :func:`field_names_of`, in memory order."""
     kind, _, species = name.partition("/")

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import particell as pc
+from particell.output.quantities import Shown
 from systems import lattice_offsets
 
 KAPPA = 0.5
@@ -143,3 +144,16 @@ def test_names_that_are_taken_are_refused():
     for name in ("density", "a b", "_x"):
         with pytest.raises(pc.InputError, match="name"):
             pc.Simulation(box, pc.fluid(box, unit, 1.0), pc.SDPD(fields=[pc.Field(name)]))
+
+
+def test_units_of_fields_are_in_frames_and_labels(tmp_path):
+    box = pc.Domain((0, 0), (8, 8), periodic="xy", depth=1.0)
+    unit = pc.Fluid(density=1.0, viscosity=1.0, sound_speed=10.0)
+    scheme = pc.SDPD(fields=[pc.Field("brightness", 2.0, unit="cd"), pc.Field("mark")])
+    for out in (None, tmp_path / "out"):
+        simulation = pc.Simulation(box, pc.fluid(box, unit, 1.0), scheme, dt=0.01)
+        run = simulation.run(0.02, 0.01, out, progress=False)
+        assert run.source.unit("brightness") == "cd" and run.source.unit("mark") == ""
+        assert run.source.unit("velocity") == "m/s"
+        assert "cd" in run._repr_html_()
+        assert Shown(run, "brightness").label == "brightness [cd]"

@@ -68,7 +68,7 @@ def dataset(
         )
         dims = ("time", *where, *(["axis"] if len(shape) == 3 else []))
         attributes = {"long_name": name.replace("/", " of "), "field": name}
-        variables[vtk_name(name)] = (dims, lazy, _with_unit(attributes, field_unit(name)))
+        variables[vtk_name(name)] = (dims, lazy, _with_unit(attributes, run.source.unit(name)))
     for name in run.observable_names:
         attributes = _with_unit(
             {"long_name": name.replace("_", " ")}, observable_unit(name, run.field_names)

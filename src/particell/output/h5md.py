@@ -216,12 +216,15 @@ def write_box(particles: h5py.Group, domain: Domain, clock: h5py.Group) -> None:
     create_element(box, "edges", domain.lengths, clock)
 
 
-def create_element(parent: h5py.Group, name: str, sample: np.ndarray, clock: h5py.Group) -> None:
+def create_element(
+    parent: h5py.Group, name: str, sample: np.ndarray, clock: h5py.Group, unit: str = ""
+) -> None:
     """A time series that shares step and time with all others; an average has its field's unit."""
     group = parent.create_group(name)
     group["step"], group["time"] = clock["step"], clock["time"]
     field = name.split("/", 2)[-1]
-    create_series(group, sample, field_unit(field if name.startswith(f"{AVERAGES}/") else name))
+    known = field_unit(field if name.startswith(f"{AVERAGES}/") else name)
+    create_series(group, sample, unit or known)
 
 
 def write_points(observables: h5py.Group, points: Mapping[str, np.ndarray]) -> None:

@@ -95,7 +95,8 @@ class Shown:
         if self.name == "velocity" and self.component is None:
             return label(SPEED, "m/s")
         magnitude = self._is_vector and self.component is None
-        text = field_label(self.name, self.component)
+        unit = self.run.source.unit(self.name) if self.is_field else ""
+        text = field_label(self.name, self.component, unit)
         return f"magnitude of {text}" if magnitude else text
 
 

@@ -16,7 +16,7 @@ from particell.output.files import read_json
 from particell.output.recorded import Recorded
 from particell.output.sources import FileSource, MemorySource, known
 from particell.representation import block, shown, table
-from particell.units import field_unit, length_scale, observable_unit
+from particell.units import length_scale, observable_unit
 
 if TYPE_CHECKING:
     import pyvista
@@ -64,6 +64,7 @@ class Run(Recorded):
         observables: Sequence[Mapping[str, Any]] = (),
         summary: Mapping[str, Any] | None = None,
         points: Mapping[str, np.ndarray] | None = None,
+        units: Mapping[str, str] | None = None,
     ) -> Run:
         """A run that was not written to a directory.
 
@@ -77,9 +78,12 @@ class Run(Recorded):
             What ``summary.json`` would hold.
         points
             Where time averages were taken, by name.
+        units
+            Of fields that have none by their names.
         """
         run = cls.__new__(cls)
-        source = MemorySource(domain, groups, static, steps, times, frames, observables, points)
+        series = (steps, times, frames, observables)
+        source = MemorySource(domain, groups, static, *series, points, units)
         Recorded.__init__(run, source)
         run.__dict__["summary"] = dict(summary or {})
         return run
@@ -105,7 +109,7 @@ class Run(Recorded):
         return f"Run({len(times)} frames{span}; fields: {', '.join(self.field_names)})"
 
     def _repr_html_(self) -> str:
-        fields = [(n, field_unit(n), self.source.shape(n)[0][1:]) for n in self.field_names]
+        fields = [(n, self.source.unit(n), self.source.shape(n)[0][1:]) for n in self.field_names]
         observables = [(n, observable_unit(n, self.field_names)) for n in self.observable_names]
         times, lengths = self.times, self.domain.lengths
         factor, unit = length_scale(float(lengths.max()))

@@ -12,7 +12,15 @@ import numpy as np
 
 from particell.errors import unknown_name
 from particell.geometry.domain import AXES, Domain
-from particell.output.h5md import AVERAGES, PARTICLES, element_names, open_trajectory, text
+from particell.output.h5md import (
+    AVERAGES,
+    PARTICLES,
+    UNIT_ATTRIBUTE,
+    element_names,
+    open_trajectory,
+    text,
+)
+from particell.units import field_unit
 
 # What indexes the frames of a series: as NumPy does.
 Index = Any
@@ -32,6 +40,7 @@ class Source(Protocol):
     def fields(self) -> list[str]: ...
     def observables(self) -> list[str]: ...
     def shape(self, name: str) -> tuple[tuple[int, ...], np.dtype]: ...
+    def unit(self, name: str) -> str: ...
     def read(self, name: str, index: Index) -> np.ndarray: ...
     def observable(self, name: str) -> np.ndarray: ...
     def points(self) -> dict[str, np.ndarray]: ...
@@ -51,8 +60,9 @@ class MemorySource:
         frames: Sequence[Mapping[str, np.ndarray]],
         observables: Sequence[Mapping[str, Any]],
         points: Mapping[str, np.ndarray] | None = None,
+        units: Mapping[str, str] | None = None,
     ):
-        self.domain, self.groups = domain, list(groups)
+        self.domain, self.groups, self._units = domain, list(groups), dict(units or {})
         self._static, self._points = dict(static), dict(points or {})
         self._steps, self._times = steps, times
         self._frames, self._observables = frames, observables
@@ -74,6 +84,9 @@ class MemorySource:
     def shape(self, name: str) -> tuple[tuple[int, ...], np.dtype]:
         first = np.asarray(self._frames[0][name])
         return (len(self._frames), *first.shape), first.dtype
+
+    def unit(self, name: str) -> str:
+        return self._units.get(name) or field_unit(name)
 
     def read(self, name: str, index: Index) -> np.ndarray:
         frames, rest = (index[0], index[1:]) if isinstance(index, tuple) else (index, ())
@@ -142,6 +155,11 @@ class FileSource:
         with self._open() as (file, n):
             dataset = file[f"{PARTICLES}/{name}/value"]
             return (n, *dataset.shape[1:]), dataset.dtype
+
+    def unit(self, name: str) -> str:
+        with self._open() as (file, _):
+            found = file[f"{PARTICLES}/{name}/value"].attrs.get(UNIT_ATTRIBUTE, "")
+        return str(found) or field_unit(name)
 
     def read(self, name: str, index: Index) -> np.ndarray:
         with self._open() as (file, n):

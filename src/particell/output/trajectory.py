@@ -74,8 +74,9 @@ class TrajectoryWriter:
         author: str = "",
         parameters: str = "{}",
         points: Mapping[str, np.ndarray] | None = None,
+        units: Mapping[str, str] | None = None,
     ):
-        self.path = Path(path)
+        self.path, self._units = Path(path), dict(units or {})
         self._header = (domain, dict(static), list(groups), author, parameters, dict(points or {}))
         self._file: h5py.File | None = None
         self._frames = 0
@@ -208,7 +209,8 @@ class TrajectoryWriter:
             write_box(particles, domain, clock)
             for name, values in frame.items():
                 if name != "position":
-                    create_element(particles, name, np.asarray(values), clock)
+                    unit = self._units.get(name, "")
+                    create_element(particles, name, np.asarray(values), clock, unit)
             for name, value in observables.items():
                 create_element(file.require_group("observables"), name, np.asarray(value), clock)
             if points:

@@ -102,13 +102,13 @@ def save(figure: Figure, path: str | Path) -> Path:
     return path
 
 
-def field_label(name: str, component: int | None = None) -> str:
-    """Axis label of a field: name and unit."""
+def field_label(name: str, component: int | None = None, unit: str = "") -> str:
+    """Axis label of a field: name and unit, by default that which fields of its name have."""
     what = name.split("/")
     words = f"{what[0]} of {what[1]}" if len(what) == 2 else name
     if component is not None:
         words += f" {'xyz'[component]}"
-    return label(words, field_unit(name))
+    return label(words, unit or field_unit(name))
 
 
 def label(words: str, unit: str = "") -> str:

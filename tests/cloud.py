@@ -36,7 +36,8 @@ class Beside:
         """Differences of velocity grow; what is missed is known."""
         grow = early(1.0 + j.grow * i.support)
         velocity = grow * difference("v", i.v, j.v)
-        pair = Pair(i, j, kernel, uniform, velocity, wall=True, extrapolation=grow)
+        pair = Pair(i, j, kernel, uniform, wall=True, extrapolation=grow)
+        vars(pair)["v"] = velocity
         pair.missed = early(j.gap * i.gap)
         return i, j, pair
 

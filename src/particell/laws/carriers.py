@@ -58,7 +58,7 @@ import numpy as np
 
 from particell.compute.batches import batch_buffer, batch_row, batch_rows
 from particell.compute.device import Device
-from particell.compute.expressions import Number, Vector, maximum, where
+from particell.compute.expressions import Number, Vector, early, maximum, where
 from particell.compute.loop import particle_loop
 from particell.compute.sweep import Sweep
 from particell.kernels import power, shape_f
@@ -293,9 +293,12 @@ class CarrierWeights(Law):
     ----------
     normalise
         Whether s_ij is that of the module's docstring, or 1.
+    walls
+        Whether there are surfaces with a value or a flux.
     """
 
     normalise: bool
+    walls: bool
 
     own = ("row", "refused")
 
@@ -305,26 +308,34 @@ class CarrierWeights(Law):
         if ij.wall:  # once more, with the weight that it has now
             grows = where(kind == SURFACE_OF, 0.5 * ij.extrapolation - 1.0, 0.0)
             return {"row": grows * ij.kept("exchange")}
-        weight = where(kind != APART, 2.0 * i.volume * j.volume, 0.0) * ij.kept("exchange")
+        # i and j stand together, and early: vectors may change the order in which factors are
+        # multiplied, and weights are the same from both ends to the bit
+        weight = early(where(kind != APART, 2.0 * i.volume * j.volume, 0.0)) * ij.kept("exchange")
         adds: dict[str, Any] = {}
         if self.normalise:
-            own, its = _quadratic(i.tensor, ij.x), _quadratic(j.tensor, ij.x)
-            factor = own + where(kind == SURFACE_OF, own, its)
+            factor = _quadratic(self._both(i, j, kind), ij.x)
             adds["refused"] = where((weight > 0.0) & (factor < 0.0), 1.0, 0.0)
             there = ij.square > 0.0
             share = maximum(0.0, factor) / where(there, ij.square, 1.0)
             weight = where(there, 0.5 * weight * share, 0.0)
         return {"exchange": weight, "row": weight, **adds}
 
+    def _both(self, i: Any, j: Any, kind: Any) -> list[Number]:
+        """Components of Λ_i + Λ_j, of 2 Λ_i for what has no amounts."""
+        pairs = zip(*(p.tensor.parts(p.tensor.dim) for p in (i, j)), strict=True)
+        if not self.walls:
+            return [early(own + its) for own, its in pairs]
+        return [early(own + where(kind == SURFACE_OF, own, its)) for own, its in pairs]
+
     def finish(self, i: Any, sums: Any) -> Adds:
         """A bound of the eigenvalues (Gershgorin): the row over V_i, carriers' doubled."""
         return {"row_rate": 2.0 * sums.row / i.volume, "negative": sums.refused}
 
 
-def _quadratic(tensor: Vector, x: Vector) -> Number:
+def _quadratic(parts: list[Number], x: Vector) -> Number:
     """x·Λ·x, with Λ in the components of :func:`carrier_tensors`."""
     dim = x.dim
-    place, parts = x.parts(dim), tensor.parts(components(dim))
+    place = x.parts(dim)
     total: Number = 0.0
     for a, part in enumerate(parts):
         one, other = (a, a) if a < dim else (a - dim, (a - dim + 1) % dim)
@@ -342,7 +353,7 @@ def carrier_weights(dim: int, kernel: int, groups: int, normalise: bool, walls: 
     names = Names(dim, {**fields, "row_rate": 0, "negative": 0}, groups=groups)
     return Sweep(
         "carrier_weights",
-        (CarrierWeights(normalise),),
+        (CarrierWeights(normalise, walls),),
         (ALL, WEIGHED_WALLS) if walls else (ALL,),
         names,
         kernel,

@@ -104,8 +104,26 @@ EXAMPLES = {
         "device": pc.Device(),
         "normalise_diffusion": True,
         "splitting": "lie",
+        "operations": [pc.Every(print, steps=3)],
+        "observables": {"a": still},
     },
-    pc.Field: {"name": "T", "initial": 1.0},
+    pc.Field: {
+        "name": "T",
+        "initial": 1.0,
+        "unit": "K",
+        "components": 2,
+        "role": "state",
+        "kind": "float64",
+        "part_of": "v",
+    },
+    pc.Every: {
+        "function": still,
+        "steps": 2,
+        "interval": None,
+        "when": pc.When.END,
+        "name": "still",
+    },
+    pc.BodyForce: {"acceleration": lambda x, y, t: (x, y)},
     pc.Species: {
         "name": "A",
         "diffusivity": 1.0,
@@ -199,6 +217,10 @@ ELSEWHERE = {
     "Interrupted",
     "Law",
     "LawWarning",
+    "Operation",
+    "State",
+    "When",
+    "particle_loop",
     "RunError",
     "Run",
     "SBMLModel",
@@ -214,7 +236,7 @@ SIGNED = (
 )
 ZERO = {"viscosity", "bulk_viscosity", "diffusivity", "forward", "density_diffusion", "shifting"}
 ZERO |= {"reference_speed", "pressure_drop", "axis", "inner", "reach", "amplitude", "seed"}
-ZERO |= {"tolerance", "filter_every", "values", "flux", "transfer", "species"}
+ZERO |= {"components", "tolerance", "filter_every", "values", "flux", "transfer", "species"}
 
 NOT_FINITE = (math.nan, math.inf, -math.inf, 10**400)
 NO_NUMBERS = ("some text", b"bytes", 1j, object(), [object()], {"A": "b"})

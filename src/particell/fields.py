@@ -9,6 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from particell.checks import checked
 from particell.errors import InputError
 
@@ -68,6 +70,10 @@ class Field:
             raise InputError("name", self.name, "a word of letters, digits and _")
         if self.role not in ROLES:
             raise InputError("role", self.role, f"one of {', '.join(ROLES)}")
+        try:
+            np.dtype(self.kind)
+        except TypeError:
+            raise InputError("kind", self.kind, "a type of NumPy's") from None
         if self.components < 0:
             raise InputError("components", self.components, "zero or more")
 

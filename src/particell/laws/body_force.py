@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from particell.checks import checked
 from particell.compute.expressions import Number, sqrt, vector
 from particell.errors import InputError
 from particell.laws.law import Adds, Law
@@ -19,6 +20,7 @@ from particell.laws.law import Adds, Law
 COURANT = 0.25
 
 
+@checked
 class BodyForce(Law):
     """A force per mass that is a function of place and time.
 

@@ -74,12 +74,6 @@ class Kick(Stage):
 
     part: float = 0.5
 
-    def fields(self, flow: Flow) -> Sequence[Field]:
-        """See :meth:`Stage.fields`."""
-        if flow.held == FREE:
-            return ()
-        return (work("wall_friction", friction_width(flow.held, flow.state.dim)),)
-
     def bind(self, solver: Solver) -> Run:
         """See :meth:`Stage.bind`."""
         kick = solver.loop(updates.kick, DIM=solver.state.dim, HELD=solver.flow.held)
@@ -274,12 +268,23 @@ class KernelSums(Stage):
         return solver.sweep("kernel_sums")
 
 
+def _friction_with_walls(flow: Flow) -> Sequence[Field]:
+    """Γ of :mod:`particell.boundaries.wall_friction`, where there are walls."""
+    if flow.held == FREE:
+        return ()
+    return (work("wall_friction", friction_width(flow.held, flow.state.dim)),)
+
+
 @dataclass(frozen=True)
 class Forces(Stage):
     """Accelerations, and rates of the user's fields; noise is that of step number + ``ahead``."""
 
     ahead: int = 1
     pointwise: ClassVar[bool] = False
+
+    def fields(self, flow: Flow) -> Sequence[Field]:
+        """See :meth:`Stage.fields`."""
+        return _friction_with_walls(flow)
 
     def sweeps(self, flow: Flow) -> Sequence[Sweep]:
         """See :meth:`Stage.sweeps`."""
@@ -300,6 +305,10 @@ class Rates(Stage):
     density: bool
     field_lead: float
     pointwise: ClassVar[bool] = False
+
+    def fields(self, flow: Flow) -> Sequence[Field]:
+        """See :meth:`Stage.fields`."""
+        return _friction_with_walls(flow)
 
     def sweeps(self, flow: Flow) -> Sequence[Sweep]:
         """See :meth:`Stage.sweeps`."""

@@ -38,7 +38,7 @@ EXAMPLES = {
     pc.Ball: {"center": (0.0, 0.0), "radius": 1.0},
     pc.Box: {"lower": (0.0, 0.0), "upper": (1.0, 1.0)},
     pc.Buoyancy: {"species": "A", "expansion": 1.0, "gravity": (0.0, 1.0), "reference": 0.5},
-    pc.Device: {"backend": "cpu", "precision": "float64"},
+    pc.Device: {"backend": "cpu", "precision": "float64", "form": "gather"},
     pc.Domain: {"lower": (0.0, 0.0), "upper": (1.0, 1.0), "periodic": "x", "depth": 1.0},
     pc.FixedValueWall: {"group": "wall", "values": {"A": 1.0}},
     pc.Fluid: {
@@ -113,7 +113,7 @@ EXAMPLES = {
         "unit": "K",
         "components": 2,
         "role": "state",
-        "kind": "float64",
+        "kind": np.float32,
         "part_of": "v",
     },
     pc.Every: {

@@ -286,6 +286,16 @@ def _elsewhere() -> Iterator[type[Law]]:
         yield from _on_page(script.read_text(encoding="utf-8"))
 
 
+#: Laws of species sum along rows with kept weights; whole systems are compared by hand there.
+ELSEWHERE = {
+    "Carried": "tests/laws/test_species_flux.py",
+    "CarrierWeights": "tests/chemistry/test_exchange.py",
+    "Diffusion": "tests/chemistry/test_exchange.py",
+    "FacingArea": "tests/chemistry/test_flux_walls.py",
+    "JumpRates": "tests/chemistry/test_exchange.py",
+}
+
+
 def all_laws() -> dict[str, type[Law]]:
     """Every class of a law in the program, in docs/ and in examples/, by name."""
     found = {law.__name__: law for law in (*_in_program(), *_elsewhere())}

@@ -291,6 +291,11 @@ class Simulation:
         options = (progress, checkpoint_every, stop, overwrite, averages)
         return observers.run_with_observers(self, until, every, out, *options)
 
+    @property
+    def depth(self) -> float:
+        """Extent of the dimensions that are not simulated, in m."""
+        return self.system.depth
+
     # --- what can be seen --------------------------------------------------------------------
     @property
     def group_names(self) -> list[str]:

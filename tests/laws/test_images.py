@@ -120,6 +120,7 @@ def sweep_of(simulation, laws):
 def results(simulation, sweep, numbers, form="gather"):
     """What a sweep writes, in the order of ids; fields are as before."""
     solver, p = simulation.solver, simulation.particles
+    simulation.neighbours.want("rows")
     fields = {**solver.flow.constants, **simulation.neighbours.fields, **p.fields}
     fields.setdefault("transport", fields["v"])
     fields |= tables_of(solver.flow.properties.tables, solver.flow.properties.fluids)

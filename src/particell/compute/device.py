@@ -46,7 +46,8 @@ class Device:
         ``"float64"`` or ``"float32"``, the type of particle fields.
     form
         The form of sweeps on a CPU, ``"gather"`` or ``"lanes"``, for those that can have it; by a
-        rule (:mod:`particell.compute.forms`) where it is left out.
+        rule (:mod:`particell.compute.forms`) where it is left out. With ``"gather"`` rows of
+        neighbours are in the order of a GPU's.
 
     Raises
     ------

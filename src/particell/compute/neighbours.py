@@ -137,7 +137,8 @@ class NeighbourList:
             np.zeros(len(self.cell_start), np.int64),
         )
         self.capacity = self.builds = self.renewals = 0
-        self._clusters = Clusters(self, lengths) if device.backend == "cpu" else None
+        clustered = device.backend == "cpu" and device.form != "gather"
+        self._clusters = Clusters(self, lengths) if clustered else None
         if self._clusters is not None:
             self.fields |= self._clusters.fields
         bind, f, only = device.bind, self.fields, {"DIM": dim}

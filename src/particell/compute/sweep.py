@@ -245,7 +245,7 @@ class Sweep:
         made = self.source(form)
         module = load(self.name, made.text, made.functions)
         lanes = form == "lanes"
-        n = len(fields["member" if lanes else "cell"])
+        n = len(fields["member" if lanes else "start"])
         rows, real = batch_rows(device, n), np.float64 if self.exact else device.real
         sizes: dict[str, tuple[int, Any]] = {"record": (n * made.record, real)}
         if lanes:

@@ -17,7 +17,7 @@ from particell.kernels import normalisation, shape_f, shape_w
 from particell.laws import Law, Values, pair_of
 from particell.laws.fluctuations import pair_numbers
 from particell.sources.mobile import MOBILE
-from particell.sources.source import Names, Pair, difference
+from particell.sources.source import Names, Pair, Source, difference
 
 #: Forms of loops that run on the CPU.
 FORMS = ("gather", "cuda")
@@ -26,7 +26,7 @@ DRAW = {"step": 7, "key0": 12345, "key1": 678}
 
 
 @dataclass(frozen=True)
-class Beside:
+class Beside(Source):
     """The last particles of a row, as those of a wall: ``grow`` and ``gap`` are what it extends."""
 
     first: str = "split"

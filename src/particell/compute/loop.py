@@ -22,6 +22,7 @@ import ast
 import functools
 import hashlib
 import inspect
+import sys
 import textwrap
 import time
 from collections.abc import Callable, Iterator
@@ -206,12 +207,18 @@ def cpu_python(loop: Loop, constants: dict[str, Any]) -> Callable[..., None]:
     return _define(loop, ["first", "last", "thread"], constants, whole, {})
 
 
+def _has_module(loop: Loop) -> bool:
+    """Whether machine code that is kept on disk would find the loop's module again."""
+    return getattr(loop.body, "__module__", None) in sys.modules
+
+
 def _cpu_loop(loop: Loop, constants: dict[str, Any]) -> Callable[..., None]:
     options: dict[str, Any] = {
         "fastmath": FASTMATH | {"reassoc"} if loop.reassociate else FASTMATH,
         "error_model": "numpy",
         "nogil": True,
-        "cache": all(hasattr(v, "disk_key") for v in constants.values() if callable(v)),
+        "cache": _has_module(loop)
+        and all(hasattr(v, "disk_key") for v in constants.values() if callable(v)),
     }
     with compiled_here(loop.body.__code__.co_filename):
         compiled = njit(**options)(cpu_python(loop, constants))

@@ -224,3 +224,20 @@ def test_helpers_do_not_inherit_the_options_of_a_vectorised_loop():
     sum_of.specialise(FUNCTION=doubled)(4, np.ones(4), total)  # which is not kept on disk
     assert total == pytest.approx(np.full(4, 8.0))
     assert doubled.targetoptions["fastmath"] == FASTMATH
+
+
+def test_a_loop_of_code_without_a_module_runs_again(tmp_path, monkeypatch):
+    """As on a page, or in text that is executed: kept machine code would not find its module."""
+    path = tmp_path / "page.py"
+    path.write_text(
+        "from particell.compute.loop import particle_loop\n"
+        "@particle_loop\n"
+        "def double(i, values):\n"
+        "    values[i] *= 2.0\n"
+    )
+    for _ in range(2):
+        names = {"__name__": None}
+        exec(compile(path.read_text(), str(path), "exec"), names)
+        values = np.arange(3.0)
+        names["double"].specialise()(3, values)
+        assert values.tolist() == [0.0, 2.0, 4.0]

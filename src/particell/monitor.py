@@ -89,17 +89,20 @@ class Monitor:
     def momentum(self) -> np.ndarray:
         """Σ m v of the mobile particles in kg m/s, shape (D,)."""
         v = self.state.particles.view("v").astype(float)
-        return (self._masses()[:, None] * v).sum(axis=0)
+        return self.state.reduce.sum(self._masses()[:, None] * v)
 
     def absolute_momentum(self) -> float:
         """Σ m |v| of the mobile particles in kg m/s."""
         v = self.state.particles.view("v").astype(float)
-        return float((self._masses() * np.linalg.norm(v, axis=1)).sum())
+        return float(
+            self.state.reduce.sum((self._masses() * np.linalg.norm(v, axis=1))[:, None])[0]
+        )
 
     def kinetic_energy(self) -> float:
         """½ Σ m v² of the mobile particles in J."""
         v = self.state.particles.view("v").astype(float)
-        return float(0.5 * (self._masses() * (v**2).sum(axis=1)).sum())
+        each = 0.5 * self._masses() * (v**2).sum(axis=1)
+        return float(self.state.reduce.sum(each[:, None])[0])
 
     def largest_speed(self) -> float:
         """Largest |v| in m/s."""

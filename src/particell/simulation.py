@@ -14,6 +14,7 @@ import numpy as np
 
 from particell import health, observers, snapshot
 from particell.averages import TimeAverage
+from particell.boundaries.sponge import Sponge
 from particell.checks import checked
 from particell.chemistry.engine import Chemistry
 from particell.chemistry.reactions import Reaction
@@ -139,8 +140,8 @@ class Simulation:
         speed = with_noise(flow_speed_, self.phases, scheme, depth_factor)
         sound = default_sound_speed(domain, self.phases, scheme, depth_factor, flow_speed_)
         laws = [force for force in forces if isinstance(force, BodyForce)]
-        if laws and self.static:
-            raise InputError("forces", laws, "no BodyForce with Static")
+        if forces and self.static:
+            raise InputError("forces", list(forces), "empty with Static, where nothing moves")
         self.device = device or Device()
         self.system = build_state(domain, self.phases, scheme, sound, self.device, seed)
         self.particles, self.neighbours = self.system.particles, self.system.neighbours
@@ -170,12 +171,18 @@ class Simulation:
         parts = (self.system, scheme, flow, self.walls, self.chemistry)
         carried = [force for force in forces if isinstance(force, Buoyancy)]
         acting = operations_of(*parts, boundaries, carried, operations, observables or {})
+        own = [o for o in (*boundaries, *operations) if isinstance(o, Operation)]
+        if flow is not None:
+            flow.check_names(field for operation in own for field in operation.fields)
         self.operations = Operations(self.system, acting)
         self.solver = Solver(self.system, scheme, flow, self.operations)
+        self.solver.check_moments(own)
         self.monitor = Monitor(self.system, flow)
         self.watch = health.Watch(self)
         self.timing = TimeStep(self.system, scheme, flow, self.chemistry, speed, dt)
-        self.books = any(getattr(b, "values", getattr(b, "species", None)) for b in boundaries)
+        self.books = any(
+            isinstance(b, OF_SPECIES) or (isinstance(b, Sponge) and b.species) for b in boundaries
+        )
         self.resumed = False
         self.resumed_plan: dict | None = None
         self.resumed_averages: dict[str, np.ndarray] = {}

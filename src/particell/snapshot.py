@@ -12,6 +12,7 @@ import numpy as np
 from particell.chemistry.invariants import conserved_totals
 from particell.chemistry.listing import reaction_table, species_table
 from particell.compute.loop import CompileLog
+from particell.errors import InputError
 from particell.phases import phase_table
 from particell.representation import block, table
 from particell.simulated import Simulated
@@ -124,7 +125,11 @@ def observables_of(simulation: Simulated) -> dict[str, float]:
             scale = 1 if chemistry.species[name].molecules else simulation.system.depth_factor
             values[f"amount_{name}"] = total * scale
             values[f"inflow_{name}"] = booked * scale
-    return values | simulation.operations.observables()
+    for name, value in simulation.operations.observables().items():
+        if name in values:
+            raise InputError("observable", name, "a name that nothing else has")
+        values[name] = value
+    return values
 
 
 def net_totals(simulation: Simulated) -> dict[str, float]:

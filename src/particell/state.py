@@ -81,8 +81,7 @@ class State:
     clock
         The :class:`Clock`.
     reduce
-        Sums and maxima over all particles (:class:`.Reduction`): the only way to numbers that
-        steer the run, the same whoever holds which particle.
+        Sums and maxima over all particles (:class:`.Reduction`), the same whoever holds which.
     species
         What particles hold of species, None where there are none.
     """

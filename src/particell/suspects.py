@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from particell.compute.sweep import Sweep
+from particell.errors import InputError
 from particell.fields import RATE
 from particell.laws.law import Law, Values
 from particell.limits import Mobile, law_limits
@@ -29,7 +30,10 @@ def suspects(flow: Flow, field: str) -> str:
         text = f" (besides the scheme's, laws of your own act on it: {moved})" if moved else ""
     else:
         return ""
-    allowed = law_limits(laws, Mobile(flow))
+    try:
+        allowed = law_limits(laws, Mobile(flow))
+    except InputError:  # of what is broken they say nothing
+        allowed = {}
     late = [f"{name} allows {step:.3g} s" for name, step in allowed.items() if step < dt]
     return f"{text} at dt = {dt:.3g} s, of which {', '.join(late)}" if late else text
 

@@ -11,6 +11,17 @@ from systems import periodic_lattice, same_bits, unit_fluid, vortices
 BOX = pc.Domain((0, 0), (8, 8), periodic="xy", depth=1.0)
 
 
+class Named(pc.Operation):
+    def __init__(self, when):
+        self.when = when
+
+
+class Taken(pc.Operation):
+    """Its field would stand in for a table of materials."""
+
+    fields = (pc.Field("sound_speed"),)
+
+
 def flow(scheme=None, dt=0.01, **options):
     inside = pc.fluid(BOX, unit_fluid(), 1.0, velocity=vortices(8.0))
     return pc.Simulation(BOX, inside, scheme or pc.SDPD(), dt=dt, **options)
@@ -187,6 +198,11 @@ def test_species_are_at_hand():
         (lambda: flow(pc.SDPD(fields=[pc.Field("pushed")]), operations=[Push()]), "name of Field"),
         (lambda: flow(operations=[Push(), Push()]), "name of Field"),
         (lambda: pc.Field("f", role="guess"), "role"),
+        (lambda: pc.Every(print, steps=2, when=pc.When.BEGUN), "when"),
+        (lambda: flow(operations=[pc.Every(print, steps=2, when=pc.When.HALF)]), "when of print"),
+        (lambda: flow(operations=[Named("end")]), "when of Named"),
+        (lambda: flow(operations=[Taken()]), "name of Field"),
+        (lambda: flow(observables={"kinetic_energy": lambda s: 1.0}).observables(), "observable"),
     ],
 )
 def test_wrong_operations_are_refused(make, key):
@@ -211,3 +227,40 @@ def test_a_vector_field_of_one_s_own_has_a_rate():
     assert moving.particles.host("mark") == pytest.approx(
         np.tile([0.03, -0.02], (64, 1)), abs=1e-12
     )
+
+
+def test_what_comes_once_comes_whatever_the_interval():
+    record = Record(every=10)
+    flow(operations=[record]).advance(10)
+    W = pc.When
+    seen = [w for w, *_ in record.seen]
+    assert seen.count(W.START) == seen.count(W.BEGUN) == 1 and seen.count(W.LIST) >= 1
+    assert seen.count(W.END) == seen.count(W.DONE) == 1
+
+
+def test_intervals_are_met_after_many_steps():
+    """Times are sums: after 3e5 steps they are off by more than round-off."""
+    state, called = flow(dt=1e-3 / 3).system, []
+    every = pc.Every(lambda s: called.append(s.step), interval=0.1 / 3)
+    for _ in range(300_000):
+        state.clock.tick()
+        every(state)
+    assert called == list(range(100, 300_001, 100))
+
+
+def test_other_observables_are_refused_before_anything_is_restored():
+    one, other = flow(observables={"a": lambda s: 1.0}), flow(observables={"b": lambda s: 1.0})
+    one.advance(2)
+    with pytest.raises(pc.InputError, match="observables of the checkpoint"):
+        other.restore(one.state())
+
+
+def test_a_broken_flow_with_a_force_names_step_and_particle():
+    force = pc.BodyForce(lambda x, y, t: (0.1 * x, 0.0))
+    simulation = flow(forces=[force], scheme=pc.SDPD(reference_speed=1.0))
+    simulation.advance(1)
+    x = simulation.particles.host("x")
+    x[3] = np.nan
+    simulation.particles.set("x", x)
+    with pytest.raises(pc.RunError, match="step"):
+        simulation.advance(1)

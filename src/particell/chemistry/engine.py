@@ -223,6 +223,7 @@ class Chemistry(Contents):
         """Put the :meth:`saved` state of another run back."""
         self.events, self.jumps, self.pace = (saved[k] for k in ("events", "jumps", "pace"))
         self.remarks[:] = saved["remarks"]
+        self._measured = self._rated = False  # of other places, it may be
 
     @property
     def remarks(self) -> list[str]:

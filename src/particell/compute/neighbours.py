@@ -74,6 +74,8 @@ class NeighbourList:
         What is added to the support, in m.
     lower, upper
         The region that holds all particles (walls stand outside the domain).
+    uniform, walls
+        Whether all supports are equal; whether there are wall particles.
 
     Attributes
     ----------

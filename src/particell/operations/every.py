@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from typing import Any
 
 from particell.checks import checked, positive
 from particell.errors import InputError
 from particell.operations.operation import Operation, When
 from particell.state import State
+
+#: Part of a step by which a multiple of an interval may be missed: times are sums of steps.
+SLACK = 1e-3
 
 
 @checked
@@ -47,6 +51,8 @@ class Every(Operation):
             raise InputError("steps", steps, "given, or interval, and not both")
         if steps is not None and steps < 1:
             raise InputError("steps", steps, "1 or more")
+        if when in (When.START, When.BEGUN):
+            raise InputError("when", when, "a moment of every step")
         if interval is not None:
             positive("interval", interval)
         self.function, self.interval, self.when = function, interval, when
@@ -63,8 +69,9 @@ class Every(Operation):
         if self.interval is not None:
             clock = state.clock
             end = clock.time if self.when is When.DONE else clock.time + clock.dt
-            due = math.floor(end / self.interval * (1 + 1e-12))
-            if due == math.floor((end - clock.dt) / self.interval * (1 + 1e-12)):
+            end += SLACK * clock.dt
+            due = math.floor(end / self.interval)
+            if due == math.floor((end - clock.dt) / self.interval):
                 return
         self.function(state)
 
@@ -78,6 +85,16 @@ class Observables(Operation):
     def acts(self) -> Mapping[When, Callable[[State], None]]:
         """It only looks."""
         return {}
+
+    def saved(self) -> dict[str, Any]:
+        """Their names: a run goes on with the series that it began with."""
+        return {"names": sorted(self.functions)}
+
+    def check(self, saved: Mapping[str, Any]) -> None:
+        """See :meth:`.Operation.check`."""
+        if saved["names"] != sorted(self.functions):
+            allowed = f"as now: {', '.join(sorted(self.functions))}"
+            raise InputError("observables of the checkpoint", ", ".join(saved["names"]), allowed)
 
     def observables(self, state: State) -> dict[str, float]:
         """One number of each.

@@ -53,7 +53,8 @@ class Operation:
     when
         The moment.
     every
-        Steps from one call to the next; it is called in step n where n is a multiple of it.
+        Steps from one call to the next; it is called in step n where n is a multiple of it. What
+        comes once (``START``, ``BEGUN``) or with the neighbour list comes always.
     fields
         Fields of its own, which are in checkpoints like all others.
     """
@@ -89,6 +90,9 @@ class Operation:
         """What a run that goes on needs besides fields, for :meth:`restore`."""
         return {}
 
+    def check(self, saved: Mapping[str, Any]) -> None:
+        """Refuse what another kind of run has :meth:`saved`, before anything is restored."""
+
     def restore(self, saved: Mapping[str, Any]) -> None:
         """Put the :meth:`saved` state of another run back."""
 
@@ -111,6 +115,9 @@ class Operations:
                 raise InputError("operations", operation, allowed)
             if not (isinstance(operation.every, int) and operation.every >= 1):
                 raise InputError(f"every of {operation.name}", operation.every, "1 or more steps")
+            for when in operation.acts():
+                if not isinstance(when, When):
+                    raise InputError(f"when of {operation.name}", when, "one of particell.When")
             name, number = operation.name, 2
             while name in self.by_name:
                 name, number = f"{operation.name} {number}", number + 1
@@ -131,10 +138,11 @@ class Operations:
             return None
         # steps are counted when they are done, before the last moment
         ahead = 0 if when is When.DONE else 1
+        always = when in (When.START, When.BEGUN, When.LIST)
 
         def fire() -> None:
             for operation, act in found:
-                if operation.every == 1 or (clock.step + ahead) % operation.every == 0:
+                if always or (clock.step + ahead) % operation.every == 0:
                     act(state)
 
         return fire
@@ -142,15 +150,15 @@ class Operations:
     def observables(self) -> dict[str, float]:
         """Numbers for the time series."""
         found: dict[str, float] = {}
-        for operation in self.by_name.values():
-            found |= operation.observables(self.state)
+        for name, operation in self.by_name.items():
+            _add(found, operation.observables(self.state), name)
         return found
 
     def counts(self) -> dict[str, float]:
         """What operations have counted."""
         found: dict[str, float] = {}
-        for operation in self.by_name.values():
-            found |= operation.counts(self.state)
+        for name, operation in self.by_name.items():
+            _add(found, operation.counts(self.state), name)
         return found
 
     def saved(self) -> dict[str, Any]:
@@ -168,8 +176,18 @@ class Operations:
         if set(saved) != set(self.by_name):
             allowed = f"as now: {', '.join(self.by_name) or 'none'}"
             raise InputError("operations of the checkpoint", ", ".join(saved), allowed)
+        for name, operation in self.by_name.items():
+            operation.check(saved[name])
 
     def restore(self, saved: Mapping[str, Any]) -> None:
         """Put what another run's operations have saved back."""
         for name, operation in self.by_name.items():
             operation.restore(saved[name])
+
+
+def _add(found: dict[str, float], more: Mapping[str, float], whose: str) -> None:
+    """Take numbers over, of which none may be there already."""
+    for name, value in more.items():
+        if name in found:
+            raise InputError(f"number of {whose}", name, "a name that nothing else has")
+        found[name] = value

@@ -170,7 +170,8 @@ class Walls(Operation):
             uniform = bool(s.neighbours.constants["UNIFORM"])
             sweep = measure_walls(options["DIM"], options["KERNEL"], uniform)
             fields = {**s.neighbours.fields, **s.particles.fields, **more}
-            self._measure = sweep.bind(s.device, fields, self._scratch, "gather")
+            form = "cuda" if s.device.backend == "cuda" else "gather"
+            self._measure = sweep.bind(s.device, fields, self._scratch, form)
         if self.bounces:
             self._bounce_back = s.bind(bounce_back, more, **options)
 

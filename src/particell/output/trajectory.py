@@ -61,6 +61,8 @@ class TrajectoryWriter:
         Who made the file.
     parameters
         JSON text describing the run, kept under ``parameters/run``.
+    units
+        Of fields that have none by their names.
     points
         Where time averages are taken, by name.
     """

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from particell.compute.forms import LISTS
 from particell.compute.philox import PAIR_NOISE, stream_key
 from particell.compute.sweep import Sweep
 from particell.errors import InputError
+from particell.fields import Field
 from particell.kernels import kernel_code, normalisation
 from particell.laws.continuity import DensityDiffusion, HeadOfRest
 from particell.laws.hydrostatics import AT_REST
@@ -197,7 +198,7 @@ class Flow:
             "field_lead": self.field_lead(clock.dt),
         }
 
-    def check_names(self) -> None:
+    def check_names(self, fields: Iterable[Field]) -> None:
         """Refuse fields of the user's whose names mean something else.
 
         Raises
@@ -206,7 +207,7 @@ class Flow:
             Naming the field.
         """
         taken = {*RESERVED, *self.constants, *self.state.neighbours.fields}
-        for field in self.scheme.fields:
+        for field in fields:
             both = {field.name, field.rate.name}
             if both & taken or any(name in self.state.particles for name in both):
                 raise InputError("name of Field", field.name, "one that nothing else has")

@@ -13,8 +13,9 @@ from typing import Any, ClassVar
 
 from particell.compute.loop import Loop
 from particell.compute.sweep import Sweep
+from particell.errors import InputError
 from particell.fields import Field
-from particell.operations.operation import Operations, When
+from particell.operations.operation import Operation, Operations, When
 from particell.schemes.flow import Flow
 from particell.state import State
 
@@ -95,9 +96,13 @@ class Solver:
         n, clock = self.state.n, self.state.clock
         return lambda: loop(n, part * clock.dt)
 
-    def sweep(self, name: str, ahead: int = 0, **more: float) -> Run:
-        """A sweep by name, after the operations that come before pairs; with ``more`` numbers."""
-        before, n, clock = self.operations.at(When.PAIRS), self.state.n, self.state.clock
+    def sweep(self, name: str, ahead: int = 0, pairs: bool = False, **more: float) -> Run:
+        """A sweep by name; with ``pairs`` after the operations that come before pairs.
+
+        Noise is that of step number + ``ahead``; ``more`` are further numbers.
+        """
+        before = self.operations.at(When.PAIRS) if pairs else None
+        n, clock = self.state.n, self.state.clock
         numbers = self.flow.numbers
 
         def run() -> None:
@@ -141,6 +146,23 @@ class Solver:
             self._renewals = renewals
             self._sweeps.clear()
 
+    def check_moments(self, operations: Sequence[Operation]) -> None:
+        """Refuse operations of the user's that would never act.
+
+        Raises
+        ------
+        InputError
+            Naming the operation and the moments that there are.
+        """
+        known = {When.LIST, When.DONE} | ({When.PAIRS} if self._flow is not None else set())
+        known |= {s.when for s in (*self.first, *self.stages) if hasattr(s, "when")}
+        for operation in operations:
+            asked = set(operation.acts())
+            if asked and not asked & known:
+                names = ", ".join(w.name for w in When if w in known)
+                shown = ", ".join(w.name for w in asked)
+                raise InputError(f"when of {operation.name}", shown, f"one of {names}, here")
+
     # --- what it does ----------------------------------------------------------------------------
     def do(self, *stages: Stage) -> None:
         """Run stages by themselves, now."""
@@ -166,6 +188,7 @@ class Solver:
             self._runs = self.bound(self.stages)
             done = self.operations.at(When.DONE)
             self._done = done or self._done
+        self.state.clock.now = self.state.clock.time
         for run in self._runs:
             run()
         self.state.clock.tick()
@@ -185,7 +208,7 @@ def add_fields(flow: Flow) -> None:
         for field in stage.fields(flow):
             if field.name not in particles:
                 particles.add(field)
-    flow.check_names()
+    flow.check_names(scheme.fields)
     for field in scheme.fields:
         particles.add(field)
         particles.add(field.rate)

@@ -167,7 +167,7 @@ class DensityRates(Stage):
 
     def bind(self, solver: Solver) -> Run:
         """See :meth:`Stage.bind`."""
-        return solver.sweep("density_rates")
+        return solver.sweep("density_rates", pairs=True)
 
 
 @dataclass(frozen=True)
@@ -188,7 +188,7 @@ class FluxRates(Stage):
 
     def bind(self, solver: Solver) -> Run:
         """See :meth:`Stage.bind`."""
-        return solver.sweep("flux_rates")
+        return solver.sweep("flux_rates", pairs=True)
 
 
 @dataclass(frozen=True)
@@ -292,7 +292,7 @@ class Forces(Stage):
 
     def bind(self, solver: Solver) -> Run:
         """See :meth:`Stage.bind`."""
-        return solver.sweep("forces", self.ahead)
+        return solver.sweep("forces", self.ahead, pairs=True)
 
 
 @dataclass(frozen=True)
@@ -316,7 +316,8 @@ class Rates(Stage):
 
     def bind(self, solver: Solver) -> Run:
         """See :meth:`Stage.bind`."""
-        return solver.sweep("rates" if self.density else "forces", field_lead=self.field_lead)
+        name = "rates" if self.density else "forces"
+        return solver.sweep(name, pairs=True, field_lead=self.field_lead)
 
 
 @dataclass(frozen=True)
@@ -396,6 +397,10 @@ class FilterDensity(Stage):
 
     pointwise: ClassVar[bool] = False
 
+    def fields(self, flow: Flow) -> Sequence[Field]:
+        """See :meth:`Stage.fields`."""
+        return (work("density_half"),)
+
     def sweeps(self, flow: Flow) -> Sequence[Sweep]:
         """See :meth:`Stage.sweeps`."""
         return (flow.sweeps().density_filter(),)
@@ -423,11 +428,11 @@ class EverySteps(Stage):
 
     def fields(self, flow: Flow) -> Sequence[Field]:
         """See :meth:`Stage.fields`."""
-        return [field for stage in self.stages for field in stage.fields(flow)]
+        return [field for stage in self.stages for field in stage.fields(flow) if self.every]
 
     def sweeps(self, flow: Flow) -> Sequence[Sweep]:
         """See :meth:`Stage.sweeps`."""
-        return [sweep for stage in self.stages for sweep in stage.sweeps(flow)]
+        return [sweep for stage in self.stages for sweep in stage.sweeps(flow) if self.every]
 
     def bind(self, solver: Solver) -> Run | None:
         """See :meth:`Stage.bind`."""

@@ -19,18 +19,16 @@ from particell.materials import BOLTZMANN, Fluid
 from particell.operations.carriage import Carriage
 from particell.operations.operation import When
 from particell.phases import Phase, channel_walls, fluid
-from particell.schemes.sdpd import SDPD
-from particell.schemes.stages import (
-    At,
+from particell.schemes.density_stages import (
     DensityRates,
     EquationOfState,
     FilterDensity,
     FluxRates,
-    Forces,
-    KernelSums,
     PredictDensity,
     WallPressure,
 )
+from particell.schemes.sdpd import SDPD
+from particell.schemes.stages import At, Forces, KernelSums
 from particell.schemes.transport_velocity import TransportVelocity
 from particell.simulation import Simulation
 from particell.sources.images import Plane, at_planes

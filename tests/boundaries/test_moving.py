@@ -8,7 +8,7 @@ import pytest
 import particell as pc
 from particell.errors import InputError
 from particell.phases import Phase
-from particell.schemes.stages import WallPressure
+from particell.schemes.density_stages import WallPressure
 from systems import channel, same_bits, unit_fluid
 
 

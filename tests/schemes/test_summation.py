@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from particell.kernels import CODES
-from particell.schemes.stages import SumDensity
+from particell.schemes.density_stages import SumDensity
 from particell.schemes.summation import (
     MOST_CONFINED,
     confinement_of,

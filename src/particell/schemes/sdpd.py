@@ -21,27 +21,29 @@ from particell.laws.viscosity import friction_coefficients
 from particell.materials import Fluid
 from particell.operations.operation import When
 from particell.schemes.checks import check_choice, check_kernel
+from particell.schemes.density_stages import (
+    DensityRates,
+    EquationOfState,
+    PredictDensity,
+    SumDensity,
+    WallPressure,
+)
 from particell.schemes.solver import Stage
 from particell.schemes.stages import (
     At,
     BuildList,
     ChangeFields,
     Correct,
-    DensityRates,
     DrawSpread,
     Drift,
-    EquationOfState,
     Forces,
     KeepShift,
     Kick,
     Predict,
-    PredictDensity,
     Rates,
     RenewList,
     ShiftVelocity,
-    SumDensity,
     TakeSpread,
-    WallPressure,
 )
 from particell.schemes.timestep import VISCOUS, VISCOUS_TRAPEZOIDAL_NOISE
 

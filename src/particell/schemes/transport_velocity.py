@@ -22,25 +22,27 @@ from particell.laws.law import Law
 from particell.laws.transport_velocity import FORMS
 from particell.materials import Fluid
 from particell.operations.operation import When
+from particell.schemes.density_stages import (
+    AddFlux,
+    EquationOfState,
+    FilterDensity,
+    FluxRates,
+    PredictDensity,
+    WallPressure,
+)
 from particell.schemes.solver import Stage
 from particell.schemes.stages import (
-    AddFlux,
     At,
     BuildList,
     ChangeFields,
     Drift,
-    EquationOfState,
     EverySteps,
-    FilterDensity,
-    FluxRates,
     Forces,
     KeepShift,
     KernelSums,
     Kick,
-    PredictDensity,
     RenewList,
     ShiftVelocity,
-    WallPressure,
 )
 from particell.schemes.timestep import VISCOUS
 

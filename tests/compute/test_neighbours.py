@@ -9,6 +9,7 @@ from scipy.spatial import cKDTree
 from particell.compute.cells import counting_sort
 from particell.compute.device import Device
 from particell.compute.neighbours import NeighbourList
+from particell.errors import InputError
 from particell.fields import Field
 from particell.geometry.domain import Domain
 from particell.particles import Group, Particles
@@ -229,6 +230,16 @@ def test_a_position_that_is_not_a_number_asks_for_a_build():
     v = particles.host("v")
     v[:] = np.inf
     assert neighbours.needs_build(particles.host("x"), v, 1.0)
+
+
+def test_boxes_in_which_images_would_meet_are_refused():
+    """A particle and its image would both be neighbours, and rows hold both."""
+    lengths = (4.0, 9.0)
+    x = random_points(9, 40, lengths)
+    system(x, lengths, "xy", 1.999, general=False)
+    with pytest.raises(InputError, match="half of the shortest periodic edge"):
+        system(x, lengths, "xy", 2.001, general=False)
+    system(x, lengths, "y", 2.001, general=False)
 
 
 def test_sorted_into_cells_with_ids_kept():

@@ -77,6 +77,12 @@ class NeighbourList:
     uniform, walls
         Whether all supports are equal; whether there are wall particles.
 
+    Raises
+    ------
+    InputError
+        Where the support exceeds half of a periodic edge: two images of a particle would be
+        neighbours. (With the skin it may in a list that is not moved on.)
+
     Attributes
     ----------
     start, split, stop
@@ -109,6 +115,10 @@ class NeighbourList:
         dim, n = domain.dim, len(particles)
         self.constants = {"DIM": dim, "UNIFORM": bool(uniform), "WALLS": bool(walls)}
         width = support + skin
+        short = domain.lengths[domain.periodic]
+        if short.size and 2 * support > short.min() * (1 + 1e-9):
+            allowed = f"at most half of the shortest periodic edge ({short.min():g} m)"
+            raise InputError("support", support, allowed)
         lengths = upper - lower
         cells = cells_of(lengths, width, n)
         self.n, self.number_of_cells = n, int(np.prod(cells))

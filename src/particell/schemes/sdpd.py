@@ -31,19 +31,18 @@ from particell.schemes.density_stages import (
 from particell.schemes.solver import Stage
 from particell.schemes.stages import (
     At,
-    BuildList,
     ChangeFields,
     Correct,
     DrawSpread,
     Drift,
     Forces,
-    KeepShift,
     Kick,
     Predict,
     Rates,
     RenewList,
     ShiftVelocity,
     TakeSpread,
+    beginning,
 )
 from particell.schemes.timestep import VISCOUS, VISCOUS_TRAPEZOIDAL_NOISE
 
@@ -181,15 +180,7 @@ class SDPD:
 
     def first_stages(self) -> list[Stage]:
         """What comes before the first step."""
-        return [
-            At(When.MOVED, 0.0),
-            BuildList(),
-            At(When.START),
-            *self._densities(0.0),
-            At(When.BEGUN),
-            Forces(ahead=0),
-            *([KeepShift()] if self.shifting else []),
-        ]
+        return beginning(self._densities(0.0), [Forces(ahead=0)], shift=self.shifting > 0)
 
     def stages(self) -> list[Stage]:
         """A step."""

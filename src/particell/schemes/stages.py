@@ -282,6 +282,19 @@ class TakeSpread(Stage):
         return lambda: take(n)
 
 
+def beginning(densities: Sequence[Stage], forces: Sequence[Stage], shift: bool) -> list[Stage]:
+    """What comes before the first step: the list, densities, forces, and a shift's history."""
+    return [
+        At(When.MOVED, 0.0),
+        BuildList(),
+        At(When.START),
+        *densities,
+        At(When.BEGUN),
+        *forces,
+        *([KeepShift()] if shift else []),
+    ]
+
+
 @dataclass(frozen=True)
 class EverySteps(Stage):
     """Stages that run in every so many steps only; 0 for never."""

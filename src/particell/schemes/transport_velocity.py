@@ -33,16 +33,15 @@ from particell.schemes.density_stages import (
 from particell.schemes.solver import Stage
 from particell.schemes.stages import (
     At,
-    BuildList,
     ChangeFields,
     Drift,
     EverySteps,
     Forces,
-    KeepShift,
     KernelSums,
     Kick,
     RenewList,
     ShiftVelocity,
+    beginning,
 )
 from particell.schemes.timestep import VISCOUS
 
@@ -208,15 +207,7 @@ class TransportVelocity:
 
     def first_stages(self) -> list[Stage]:
         """What comes before the first step."""
-        return [
-            At(When.MOVED, 0.0),
-            BuildList(),
-            At(When.START),
-            *_densities(0.0),
-            At(When.BEGUN),
-            *self._forces(0),
-            KeepShift(),
-        ]
+        return beginning(_densities(0.0), self._forces(0), shift=True)
 
     def stages(self) -> list[Stage]:
         """Kick, drift, kick with two sweeps: fluxes half-way, forces at the end of the drift.

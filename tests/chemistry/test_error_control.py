@@ -16,7 +16,7 @@ WATER = 5.5e4  # mol/m³
 
 
 def chemistry(lattice, start, reactions):
-    chem = lattice(side=3).chemistry([Species(name) for name in start], reactions)
+    chem = lattice(side=3, support=1.5).chemistry([Species(name) for name in start], reactions)
     for name, value in start.items():
         chem.set_concentration(name, value)
     return chem

@@ -332,6 +332,17 @@ def test_sponge(lattice):
         assert total - booked == pytest.approx(before, rel=1e-12)
 
 
+def test_sponges_have_random_numbers_of_their_own(lattice):
+    """Two that overlap add to the same particles, each with probability 1/2: one in all to half."""
+    chem = make(lattice(side=40), [Species("M", molecules=True)])
+    volume = (1e-5 / 40) ** 2 * 1e-6 * AVOGADRO
+    fraction, target = np.full(1600, 0.5e-9), np.full(1600, 1e9 / volume)
+    for which in range(2):
+        chem.relax("M", fraction, target, 0, which)
+    once = (chem.particles.host("count")[:, 0] == 1).mean()
+    assert abs(once - 0.5) < 5.5 * 0.5 / 40  # false-alarm rate 4e-8
+
+
 def test_initial_molecules_are_rounded_without_bias(lattice):
     chem = make(lattice(side=40), [Species("M", molecules=True)])
     volume = (1e-5 / 40) ** 2 * 1e-6 * AVOGADRO

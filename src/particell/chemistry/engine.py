@@ -335,7 +335,7 @@ class Chemistry(Contents):
         self._react(step, 0.5 * tau if strang else tau, 2 * part, begin)
         self._hold(step)
 
-    def relax(self, name: str, fraction: Any, target: Any, step_index: int) -> None:
+    def relax(self, name: str, fraction: Any, target: Any, step_index: int, which: int = 0) -> None:
         """Sponge: C <- C - (C - target) fraction, booked.
 
         Parameters
@@ -346,6 +346,8 @@ class Chemistry(Contents):
             Device arrays (n,): part of the difference that is taken, 0 to 1, and mol/m³.
         step_index
             Number of the step (the random numbers of rounding molecules).
+        which
+            Number of the sponge: each has random numbers of its own.
         """
         check_word("step of species", step_index)
         self._bind()
@@ -353,7 +355,9 @@ class Chemistry(Contents):
         n = self.particles.n
         self._prepare(n)
         if table is self.stochastic:
-            self._relax_counts(n, fraction, target, column, np.uint64(step_index))
+            stream = column + which * len(table.names)
+            numbers = np.uint64(step_index), np.uint64(stream)
+            self._relax_counts(n, fraction, target, column, *numbers)
             if table.partner[column] < 0:
                 return
             column = int(table.partner[column])

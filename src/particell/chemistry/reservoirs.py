@@ -200,6 +200,7 @@ def relax_counts(
     target,
     s,
     step,
+    stream,
     volume,
     depth,
     id,
@@ -219,7 +220,7 @@ def relax_counts(
     if status[group[i], s] == 0 and fraction[i] > 0.0:
         change = (target[i] * volume[i] * depth * AVOGADRO - count[i, s]) * fraction[i]
         # rounding what is taken away keeps the number from going below zero
-        taken = stochastic_round(-change, np.uint64(id[i]), step, np.uint64(s), key0, key1)
+        taken = stochastic_round(-change, np.uint64(id[i]), step, stream, key0, key1)
         count[i, s] -= taken
         count_booked[i, s] -= taken
 

@@ -137,7 +137,7 @@ class RelaxInSponges(Operation):
             share(state.n, tau / sponge.time)
             for name in sponge.species:
                 target = particles[f"sponge_{name}_{k}"]
-                self.chemistry.relax(name, particles["sponge_share"], target, clock.step)
+                self.chemistry.relax(name, particles["sponge_share"], target, clock.step, which=k)
 
     def saved(self) -> dict[str, Any]:
         """The list that the targets belong to; they themselves are fields."""

@@ -7,7 +7,7 @@ single particles is *pointwise*, sums over neighbours are sweeps, and at moments
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -40,6 +40,10 @@ class Stage:
 
     def sweeps(self, flow: Flow) -> Sequence[Sweep]:
         """Sums over neighbours that it makes."""
+        return ()
+
+    def moments(self) -> Collection[When]:
+        """Moments at which it lets operations act, besides those that every step has."""
         return ()
 
     def bind(self, solver: Solver) -> Run | None:
@@ -155,7 +159,7 @@ class Solver:
             Naming the operation and the moments that there are.
         """
         known = {When.LIST, When.DONE} | ({When.PAIRS} if self._flow is not None else set())
-        known |= {s.when for s in (*self.first, *self.stages) if hasattr(s, "when")}
+        known |= {when for s in (*self.first, *self.stages) for when in s.moments()}
         for operation in operations:
             asked = set(operation.acts())
             if asked and not asked & known:

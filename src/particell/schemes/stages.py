@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -23,6 +23,10 @@ class At(Stage):
     when: When
     part: float | None = None
     pointwise: ClassVar[bool] = False
+
+    def moments(self) -> Collection[When]:
+        """See :meth:`Stage.moments`."""
+        return (self.when,)
 
     def bind(self, solver: Solver) -> Run | None:
         """See :meth:`Stage.bind`."""
@@ -310,6 +314,10 @@ class EverySteps(Stage):
     def sweeps(self, flow: Flow) -> Sequence[Sweep]:
         """See :meth:`Stage.sweeps`."""
         return [sweep for stage in self.stages for sweep in stage.sweeps(flow) if self.every]
+
+    def moments(self) -> Collection[When]:
+        """See :meth:`Stage.moments`."""
+        return [when for stage in self.stages for when in stage.moments() if self.every]
 
     def bind(self, solver: Solver) -> Run | None:
         """See :meth:`Stage.bind`."""

@@ -193,6 +193,13 @@ def test_validate_writes_one_page_and_does_not_repeat_itself(capsys, tmp_path):
     assert particell("validate walk --full --out v --overwrite") == 0
     assert (row / "run.h5").stat().st_mtime_ns > made
     made = (row / "run.h5").stat().st_mtime_ns
+    assert particell("validate walk --full --out w --before v/page --longest 0") == 0
+    assert "taken from v/page" in capsys.readouterr().out
+    again = json.loads((tmp_path / "w" / "page" / "results.json").read_text())
+    assert again["rows"] == json.loads((tmp_path / "v/page/results.json").read_text())["rows"]
+    assert (tmp_path / "w" / "page" / "walk_particles-64_spread.png").exists()
+    assert not (tmp_path / "w" / "walk").exists()
+    fails(capsys, 2, "before = 'walk'", line="validate walk --before walk")
     assert particell("validate walk --full --out v --seed 2") == 0
     assert (row / "run.h5").stat().st_mtime_ns > made
     fails(capsys, 2, "did you mean 'walk'", line="validate wlak")
@@ -203,7 +210,7 @@ def test_validate_goes_on_after_what_fails(capsys, tmp_path, monkeypatch):
 
     sizes = [{"particles": 13}, {"limit": 1e-6}, {"break_at": 3}, {"particles": 20}]
     monkeypatch.setattr(Walk, "full", sizes)
-    monkeypatch.setattr("particell.validation.GROUPS", {"all": ("walk", "not-there-yet")})
+    monkeypatch.setattr("particell.validation.rows.GROUPS", {"all": ("walk", "not-there-yet")})
     assert particell("validate all --full --out v") == 3
     out = capsys.readouterr().out
     assert "1 of 4 runs passed" in out

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from particell.validation import select
+from particell.validation.page import Page
 
 
 def test_groups_take_the_rows_of_their_scheme():
@@ -15,3 +16,13 @@ def test_groups_take_the_rows_of_their_scheme():
     assert len(select(["taylor-green", "transport-velocity"], True)) == len(
         select(["transport-velocity"], True)
     ) + sum(row.parameters.get("scheme") is None for row in once)
+
+
+def test_a_page_says_what_is_missing(tmp_path):
+    rows = select(["couette"], True)
+    page = Page(tmp_path, rows, "particell validate --full couette")
+    page.add(rows[0], 3, tmp_path / "nowhere")
+    text = (tmp_path / "index.md").read_text()
+    done, missing = text.split("## Not made yet")
+    assert f"| {rows[0].settings} | did not finish" in done
+    assert [row.command in missing for row in rows] == [False, True, True]

@@ -230,6 +230,14 @@ def export(directory: Path, kind: str, out: Path | None) -> int:
     "--out", type=click.Path(path_type=Path), help="Keep the output and a page of it here."
 )
 @click.option("--overwrite", is_flag=True, help="Make finished runs there again.")
+@click.option(
+    "--before",
+    type=click.Path(path_type=Path),
+    help="A page made before: rows that took long then are taken from it.",
+)
+@click.option(
+    "--longest", type=float, default=10.0, show_default=True, help="What is long, in minutes."
+)
 @run_options
 def validate(
     names: tuple[str, ...], full: bool, out: Path | None, overwrite: bool, **options: Any

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import platform
+import subprocess
 from collections.abc import Iterable, Mapping
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -14,9 +16,25 @@ from particell.output.files import write_json
 LIBRARIES = ("numpy", "numba", "scipy", "h5py")
 
 
+@cache
+def commit() -> str | None:
+    """The commit of the sources, where they are a working copy; ``-dirty`` where they differ."""
+    root = Path(__file__).resolve().parents[3]
+    if not (root / ".git").exists():
+        return None
+    ask = ["git", "-C", str(root), "describe", "--always", "--dirty", "--abbrev=10", "--exclude=*"]
+    try:
+        done = subprocess.run(ask, capture_output=True, text=True, timeout=10, check=True)
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return done.stdout.strip() or None
+
+
 def versions() -> dict[str, str]:
-    """Versions of Python and of the libraries that results may depend on."""
+    """Versions of Python, of the libraries that results may depend on, and the commit if known."""
     found = {"python": platform.python_version()}
+    if commit() is not None:
+        found["commit"] = str(commit())
     for name in LIBRARIES:
         try:
             found[name] = version(name)

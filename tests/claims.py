@@ -21,45 +21,8 @@ from particell.laws.viscosity import Viscosity
 ROOT = Path(__file__).parent.parent
 SOURCE = ROOT / "src"
 
-#: What laws may read, with its unit in three dimensions.
-SCALARS = {
-    "mass": "kg",
-    "volume": "m^3",
-    "support": "m",
-    "pressure": "Pa",
-    "pressure_over_square": "Pa/(kg/m^3)^2",
-    "transverse": "Pa*s",
-    "radial": "Pa*s",
-    "thermal": "J",
-    "kernel_sum": "",
-    "diffusion": "m/s",
-    "equation": "",
-    "fluid": "",
-    "inverse_dt": "1/s",
-    "reference": "kg/m^3",
-    "sound_speed": "m/s",
-    "exponent": "",
-    "density_sum": "",
-    "own_kernel": "1/m^3",
-    "rest_height": "m",
-    "rest_weight": "Pa/m",
-    "rest_pressure": "Pa",
-    "background": "Pa",
-    "confinement": "Pa",
-    "by_fraction": "",
-    "time": "s",
-    "temperature": "K",
-}
-VECTORS = {
-    "x": "m",
-    "v": "m/s",
-    "shift_velocity": "m/s",
-    "gravity": "m/s^2",
-    "buoyancy": "m/s^2",
-    "wall_acceleration": "m/s^2",
-    "rest_direction": "",
-    "wall_direction": "",
-}
+#: What else laws of the documentation read.
+FIELDS = {"temperature": "K"}
 
 
 @dataclass(frozen=True)

@@ -7,18 +7,19 @@ dimensions. With floats: what the generated loops give.
 from __future__ import annotations
 
 import numpy as np
-import pint
 import pytest
 import sympy
 from numba import njit
 
-from claims import CLAIMS, ELSEWHERE, EVERY, IDS, LAWS, ROOT, SCALARS, VECTORS
+from claims import CLAIMS, ELSEWHERE, EVERY, FIELDS, IDS, LAWS, ROOT
 from cloud import FORMS, Cloud, Renamed, summed, width
-from particell.compute.expressions import Symmetric, Vector, components, symbol
+from particell.compute.expressions import Vector, components, symbol
 from particell.laws import Values, continuity, pair_of
+from particell.laws.dimensions import SCALARS, VECTORS, check_units
 from particell.laws.fluctuations import ThermalNoise, pair_numbers
 from particell.laws.species_flux import species_flux
 from particell.laws.viscosity import Viscosity
+from particell.units import registry
 
 PROFILE = np.linspace(1.0, 0.0, 41)
 every_law = pytest.mark.parametrize(("law", "claim"), EVERY, ids=IDS)
@@ -35,7 +36,8 @@ def test_no_law_is_forgotten():
 # --- symbols -----------------------------------------------------------------------------------
 def symbols(side):
     """A particle whose values are symbols, in two dimensions; density is mass over volume."""
-    values = {name: sympy.Symbol(f"{name}_{side}", positive=True) for name in SCALARS}
+    names = (*SCALARS, *FIELDS)
+    values = {name: sympy.Symbol(f"{name}_{side}", positive=True) for name in names}
     for name in ("inverse_dt", "time", "equation", "fluid", "diffusion"):  # both are of one fluid
         values[name] = sympy.Symbol(name, positive=True)
     for name in VECTORS:
@@ -43,8 +45,8 @@ def symbols(side):
         values[name] = Vector.of(name, parts)
     values["gravity"] = Vector.of("gravity", sympy.symbols("gx gy", real=True))
     density = values["mass"] / values["volume"]
-    more = {"density": density, "specific_volume": 1 / density, "profile": PROFILE}
-    return Values(dim=2, **values, **more)
+    values |= {"density": density, "specific_volume": 1 / density, "profile": PROFILE}
+    return Values(dim=2, **values)
 
 
 def both_ends(i, j, **more):
@@ -282,57 +284,22 @@ def test_noise_balances_friction_in_samples(dim, gaussian, wall):
 
 
 # --- quantities --------------------------------------------------------------------------------
-@pytest.fixture(scope="module")
-def registry():
-    made = pint.UnitRegistry()
-    for kind in (Vector, Symmetric):  # which know better how to be multiplied by a quantity
-        pint.compat.upcast_type_map[f"{kind.__module__}.{kind.__name__}"] = kind
-    return made
-
-
 @every_law
-def test_dimensions(law, claim, registry, monkeypatch):
+def test_dimensions(law, claim, monkeypatch):
     """What is added has the unit claimed, also where sums are finished; in three dimensions."""
     monkeypatch.setattr(continuity, "compressibility", continuity.compressibility.py_func)
-    random = np.random.default_rng(1)
-    law = claim.make(type(law))
-    for name, unit in claim.numbers.items():
-        setattr(law, name, getattr(law, name) * registry(unit or "1"))
-
     dim = claim.dims[-1]
-
-    def side():
-        values = {n: random.uniform(1, 2) * registry(u or "1") for n, u in SCALARS.items()}
-        for name in ("equation", "fluid"):  # both are of one
-            values[name] = 1.0 * registry("1")
-        for name, unit in VECTORS.items():
-            values[name] = Vector.of(name, random.uniform(1, 2, dim) * registry(unit or "1"))
-        density = values["mass"] / values["volume"]
-        more = {"density": density, "specific_volume": 1 / density, "profile": PROFILE}
-        return Values(dim=dim, **values, **more)
-
-    i, j = side(), side()
-    noise = Vector.of("noise", random.uniform(1, 2, dim) * registry("1"))
-    pairs = []
-    for grow in (1.0, 1.7):
-        wall = {"wall": grow > 1.0, "extrapolation": grow * registry("1")}
-        more = {"noise": lambda _: noise, "missed": 0.1 * registry("m^2"), **wall}
-        pair = pair_of(i, j, 2.0 * registry("1/m^5"), 1.0 * registry("1/m^3"), **more)
-        pairs.append((j, pair))
-    adds = summed(law, i, pairs)
-    assert set(adds) == set(claim.units)
-    for name, value in adds.items():
-        unit = registry(claim.units[name] or "1").dimensionality
-        for part in components(value, dim):
-            zero = isinstance(part, float) and part == 0.0  # of any unit
-            assert zero or registry.Quantity(part).check(unit), name
+    found = check_units(law, dim, FIELDS, **claim.numbers)
+    assert set(found) == set(claim.units)
+    for name, unit in found.items():
+        assert registry()(unit).check(registry()(claim.units[name] or "1")), name
 
 
 # --- floats ------------------------------------------------------------------------------------
 def values_of(dim, n, random):
     """Fields of n particles in units of one."""
-    scalars = {name: random.uniform(1.0, 2.0, n) for name in SCALARS}
-    scalars["density"] = random.uniform(1.0, 2.0, n)
+    scalars = {name: random.uniform(1.0, 2.0, n) for name in (*SCALARS, *FIELDS)}
+    del scalars["specific_volume"]  # which is derived
     for name in ("equation", "fluid", "by_fraction"):
         scalars[name] = random.integers(0, 2, n).astype(float)
     scalars["support"] = np.where(np.arange(n) % 2, 3.0, 0.75)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import copy
 import functools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -22,7 +22,7 @@ from particell.compute.forms import form_of
 from particell.compute.generated import load
 from particell.compute.plan import Pass, Plan, Result, sum_symbols
 from particell.errors import InputError, unknown_name
-from particell.laws.law import Law, Values
+from particell.laws.law import Law, Values, fixed_of, numbers_of
 from particell.sources.source import Names, Pair, Side, Source
 
 #: What laws add.
@@ -79,8 +79,7 @@ class Sweep:
         found = {
             f"{_name(law, k)}_{name}": value
             for k, law in enumerate(self.laws)
-            for name, value in vars(law).items()
-            if isinstance(value, float)
+            for name, value in numbers_of(law).items()
         }
         for source in self.sources:
             found |= source.numbers()
@@ -91,12 +90,27 @@ class Sweep:
         found = []
         for k, law in enumerate(self.laws):
             shown = copy.copy(law)
-            for name, value in vars(law).items():
-                if isinstance(value, float):
-                    known = symbol("number", f"{_name(law, k)}_{name}")
-                    object.__setattr__(shown, name, known)
+            for name in numbers_of(law):
+                known = symbol("number", f"{_name(law, k)}_{name}")
+                object.__setattr__(shown, name, known)
             found.append(shown)
         return found
+
+    def check_fixed(self, before: Sequence[Mapping[str, int]]) -> None:
+        """Refuse whole numbers of laws that are others now than when the loop was made.
+
+        Raises
+        ------
+        InputError
+            Naming the law.
+        """
+        for law, old in zip(self.laws, before, strict=True):
+            now = fixed_of(law)
+            if now != old:
+                name = next(n for n in now if now[n] != old.get(n))
+                what = f"{name} of {type(law).__name__}, changed,"
+                allowed = f"{old.get(name)}, as the compiled loop has it: write it as a float"
+                raise InputError(what, now[name], allowed)
 
     def _running(self) -> dict[str, str]:
         """What is kept as it grows, by the sums' full names."""
@@ -124,7 +138,7 @@ class Sweep:
             i, j, ij = source.see(me, Side(self.names, "j"), self.kernel, self.uniform)
             adds: dict[str, Any] = {}
             for number, law in enumerate(laws):
-                for name, value in _asked(law, "pair", i, j, ij).items():
+                for name, value in _asked(law, "pair", dim, i, j, ij).items():
                     key = f"{_name(law, number)}.{name}" if name in law.own else name
                     adds[key] = _added(law, name, adds.get(key), value)
             stored = {name: adds.pop(name) for name in self.stored if name in adds}
@@ -166,19 +180,39 @@ class Sweep:
         for number, law in enumerate(laws):
             prefix = f"{_name(law, number)}."
             own = {n: symbols.get(prefix + n, 0.0) for n in law.own}
-            for name, value in _asked(law, "finish", me, Values(**own)).items():
+            for name, value in _asked(law, "finish", dim, me, Values(**own)).items():
                 totals[name] = _added(law, name, totals.get(name), value)
         known = self.names.fields if self.addable is None else self.addable
         for name, value in totals.items():
             if name not in known:
-                raise unknown_name("what a law adds (to fields, or to its own sums)", name, known)
-            if len(components(value, dim)) != max(1, self._width(name)):
-                wrong = f"{len(components(value, dim))} components"
-                raise InputError(f"what a law adds to {name}", wrong, "a number, or a vector")
+                raise self._unknown(name, known)
+            width = self._width(name)
+            if len(components(value, dim)) != max(1, width):
+                wrong = "a vector" if isinstance(value, Vector) else "a number"
+                needed = f"a vector of {width} components" if width else "a number"
+                raise InputError(f"what {self._adding(name)} adds to {name}", wrong, needed)
         return {
             name: Result(components(value, dim), self._width(name) > 0, self._column(name))
             for name, value in totals.items()
         }
+
+    def _adding(self, name: str) -> str:
+        """The laws that add to a name: those of users come last, and err first."""
+        me = Side(self.names, "i")
+        found = [type(self.laws[-1]).__name__]
+        for source in self.sources:
+            i, j, ij = source.see(me, Side(self.names, "j"), self.kernel, self.uniform)
+            adding = [type(law).__name__ for law in self.laws if name in law.pair(i, j, ij)]
+            found = adding[-1:] or found
+        return found[0]
+
+    def _unknown(self, name: str, known: Collection[str]) -> InputError:
+        error = unknown_name(f"what {self._adding(name)} adds to", name, known)
+        if not name.endswith("_rate"):
+            return error
+        field = name.removesuffix("_rate")
+        allowed = f"{error.allowed}; the scheme has no fields=[Field('{field}')]"
+        return InputError(error.key, error.value, allowed)
 
     def _width(self, name: str) -> int:
         """Components of a field, 0 of a number."""
@@ -266,8 +300,8 @@ class Sweep:
         return _Bound(self, device, there, arrays)
 
 
-def _asked(law: Law, method: str, *given: Any) -> Mapping[str, Any]:
-    """What a law answers, or one line that names it."""
+def _asked(law: Law, method: str, dim: int, *given: Any) -> Mapping[str, Any]:
+    """What a law answers in ``dim`` dimensions, or one line that names it."""
     where = f"{type(law).__name__}.{method}"
     try:
         found = getattr(law, method)(*given)
@@ -283,9 +317,18 @@ def _asked(law: Law, method: str, *given: Any) -> Mapping[str, Any]:
         raise InputError(where, found, "a dict of what is added, by name")
     for name, value in found.items():
         if not isinstance(value, _KINDS) or isinstance(value, bool):
-            adds = f"what {type(law).__name__} adds to {name}"
-            raise InputError(adds, value, "a number, a vector or a symmetric tensor")
+            raise InputError(_what(law, name), value, "a number, a vector or a symmetric tensor")
+        try:
+            components(value, dim)
+        except ValueError as error:
+            allowed = f"with {dim} components, one for each dimension"
+            raise InputError(_what(law, name), str(error), allowed) from None
     return found
+
+
+def _what(law: Law, name: str) -> str:
+    """What a message is about."""
+    return f"what {type(law).__name__} adds to {name}"
 
 
 def _added(law: Law, name: str, before: Any, value: Any) -> Any:
@@ -295,8 +338,9 @@ def _added(law: Law, name: str, before: Any, value: Any) -> Any:
     try:
         return before + value
     except TypeError:
-        wrong = f"a {type(value).__name__} beside a {type(before).__name__}"
-        raise InputError(f"what {type(law).__name__} adds to {name}", wrong, "alike") from None
+        kinds = ["a vector" if isinstance(v, Vector) else "a number" for v in (value, before)]
+        allowed = f"{kinds[1]}, as what others add"
+        raise InputError(_what(law, name), kinds[0], allowed) from None
 
 
 def _name(law: Law, number: int) -> str:
@@ -318,6 +362,8 @@ class _Bound:
         arrays: Mapping[str, Any],
     ):
         self.own = sweep.numbers if sweep.numbers() else None
+        self._sweep, fixed = sweep, [fixed_of(law) for law in sweep.laws]
+        self._fixed = fixed if any(fixed) else None
         self.parts = [
             (device.bind(loop, arrays), [a for a in loop.arguments if a not in arrays], length)
             for loop, length in loops.items()
@@ -326,6 +372,8 @@ class _Bound:
     def __call__(self, n: int, **numbers: Any) -> None:
         if self.own is not None:  # as the laws have them now
             numbers |= self.own()
+        if self._fixed is not None:
+            self._sweep.check_fixed(self._fixed)
         for run, missing, length in self.parts:
             run(n if length is None else length, *(numbers[name] for name in missing))
 

@@ -15,7 +15,10 @@ import math
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
+import numpy as np
+
 from particell.compute.expressions import Number, Vector, sqrt
+from particell.errors import InputError
 from particell.laws import digest
 
 #: What a law adds, by the name of a field or of one of its own sums.
@@ -62,6 +65,41 @@ class Law:
         something else says here what it is.
         """
         return digest.described(self)
+
+
+def check_law(law: Any) -> None:
+    """Refuse what is no law, or one that would do nothing, or holds what no loop can read.
+
+    Raises
+    ------
+    InputError
+        Naming the law.
+    """
+    if not isinstance(law, Law):
+        allowed = "laws: instances of classes derived from particell.Law"
+        raise InputError("more (laws)", law, allowed)
+    kind = type(law)
+    if kind.pair is Law.pair and kind.finish is Law.finish:
+        written = ", ".join(name for name in vars(kind) if not name.startswith("_")) or "neither"
+        raise InputError(f"law {kind.__name__}", written, "one with a method 'pair' or 'finish'")
+    if isinstance(law.own, str) or not all(isinstance(name, str) for name in law.own):
+        raise InputError(f"own of {kind.__name__}", law.own, 'names, such as own = ("weights",)')
+    for name, value in vars(law).items():
+        if isinstance(value, np.ndarray) and value.ndim:
+            allowed = "a number: what differs between particles is a field"
+            raise InputError(f"{name} of {kind.__name__}", value, allowed)
+
+
+def numbers_of(law: Law) -> dict[str, float]:
+    """The law's own numbers that may change while it runs: those that are no whole numbers."""
+    kinds = (float, np.floating, np.ndarray)
+    return {name: float(v) for name, v in vars(law).items() if isinstance(v, kinds)}
+
+
+def fixed_of(law: Law) -> dict[str, int]:
+    """The law's own whole numbers, which are part of its loops."""
+    kinds = (int, np.integer)
+    return {name: int(v) for name, v in vars(law).items() if isinstance(v, kinds)}
 
 
 class Values:

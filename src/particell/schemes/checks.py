@@ -3,9 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from dataclasses import fields
+from typing import Any
 
 from particell.errors import InputError
 from particell.kernels import kernel_code
+
+
+def check_described(scheme: Any) -> None:
+    """Refuse a derived scheme whose values are not its own: it lacks a decorator or an annotation.
+
+    Python would take the values of the scheme that it is derived from, without a word.
+    """
+    known = {field.name for field in fields(scheme)}
+    for kind in type(scheme).__mro__:
+        annotated = vars(kind).get("__annotations__", {})
+        for name in known & set(vars(kind)):
+            if "__dataclass_fields__" not in vars(kind) or name not in annotated:
+                allowed = f"'{name}: TYPE = VALUE' below @dataclass(frozen=True)"
+                raise InputError(f"{name} of {kind.__name__}", vars(kind)[name], allowed)
 
 
 def check_kernel(kernel: str, support: float) -> None:

@@ -20,7 +20,7 @@ from particell.laws.law import Law
 from particell.laws.viscosity import friction_coefficients
 from particell.materials import Fluid
 from particell.operations.operation import When
-from particell.schemes.checks import check_choice, check_kernel
+from particell.schemes.checks import check_choice, check_described, check_kernel
 from particell.schemes.density_stages import (
     DensityRates,
     EquationOfState,
@@ -123,6 +123,7 @@ class SDPD:
     at_rest: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
+        check_described(self)
         if self.skin is None:
             # thermal motion separates neighbours that a flow keeps together
             object.__setattr__(self, "skin", 0.3 if self.fluctuations else 0.1)

@@ -17,11 +17,11 @@ from typing import ClassVar
 from particell.checks import checked, not_negative
 from particell.errors import InputError
 from particell.fields import Field
-from particell.kernels import kernel_code
 from particell.laws.law import Law
 from particell.laws.transport_velocity import FORMS
 from particell.materials import Fluid
 from particell.operations.operation import When
+from particell.schemes.checks import check_described, check_kernel
 from particell.schemes.density_stages import (
     AddFlux,
     EquationOfState,
@@ -150,9 +150,8 @@ class TransportVelocity:
     at_rest: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
-        kernel_code(self.kernel)
-        if not 1.2 <= self.support <= 10:
-            raise InputError("support", self.support, "between 1.2 and 10 particle spacings")
+        check_described(self)
+        check_kernel(self.kernel, self.support)
         if not 0 < self.background <= 2:
             raise InputError("background", self.background, "above 0 and at most 2")
         if self.momentum_flux not in FORMS:

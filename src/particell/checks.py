@@ -117,6 +117,27 @@ def _fault_of_many(origin: Any, arguments: tuple[Any, ...], value: Any) -> str:
     return next((f"a list, each item {fault}" for fault in faults if fault), "")
 
 
+def takes(key: str, function: Any, given: str) -> None:
+    """Refuse a function that cannot be called with the arguments named, as :func:`positive` does.
+
+    Parameters
+    ----------
+    key, function
+        Its name in messages, and itself.
+    given
+        What it is called with, as ``"state"`` or ``"x, y, t"``.
+    """
+    try:
+        signature = inspect.signature(function)
+    except (TypeError, ValueError):  # of functions that do not tell
+        return
+    try:
+        signature.bind(*given.split(", "))
+    except TypeError as error:
+        allowed = f"a function that is called with ({given})"
+        raise InputError(key, f"{function!r}: {error}", allowed) from None
+
+
 def is_number(value: Any) -> bool:
     """Whether a value is a finite real number (no text, no truth value)."""
     if isinstance(value, np.ndarray) and value.ndim == 0:

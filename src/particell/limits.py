@@ -33,6 +33,7 @@ class Mobile:
         self._beside = BESIDE_WALLS if flow.walls else 1.0
         self._particles, self._tables = state.particles, flow.properties.tables
         self._rows = state.particles.host("is_wall") == 0
+        self.number = int(self._rows.sum())
         self.dim, self.time = state.dim, float(state.time)
         self.gravity = Vector.of("gravity", state.device.to_host(flow.constants["gravity"]))
 
@@ -68,6 +69,9 @@ def law_limits(laws: Sequence[Law], particles: Any) -> dict[str, float]:
         name = type(law).__name__
         try:
             steps = np.asarray(law.largest_step(particles), float)
+            if steps.shape not in ((), (1,), (particles.number,)):
+                wrong = f"numbers of shape {steps.shape}"
+                raise InputError(f"{name}.largest_step", wrong, "one, or one for each particle")
             smallest = float(steps.min(initial=math.inf))
         except (TypeError, ValueError, AttributeError) as error:
             if isinstance(error, InputError):

@@ -159,9 +159,22 @@ class Particles:
         """Overwrite a field, given in memory order or, with ``by_id``, in the order of ids.
 
         Velocities go on as they are given, also beside walls with thermal noise.
+
+        Raises
+        ------
+        InputError
+            For values of another shape, and for what are no real numbers.
         """
         host = np.empty(self[name].shape, self[name].dtype)
-        host[...] = values
+        given = np.asarray(values)
+        try:
+            if given.dtype.kind not in "fiub":
+                raise ValueError
+            host[...] = given
+        except (TypeError, ValueError):
+            shown = f"numbers of shape {given.shape}" if given.dtype.kind in "fiub" else values
+            allowed = f"one number, or real numbers of shape {host.shape}"
+            raise InputError(f"values of '{name}'", shown, allowed) from None
         self.device.write(self[name], host[self.view("id")] if by_id else host)
         for part in [f.name for f in self.declared.values() if f.part_of == name]:
             self.set(part, np.zeros(()))

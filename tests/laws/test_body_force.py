@@ -54,6 +54,9 @@ def test_it_limits_the_automatic_step():
     [
         (lambda: pc.BodyForce(3.0), "acceleration"),
         (lambda: still(pc.BodyForce(lambda x, y, t: (1.0,))).start(), "one for each dimension"),
+        (lambda: still(pc.BodyForce(lambda x, y, t: 1.0)).start(), "gives 2 numbers"),
+        (lambda: still(pc.BodyForce(lambda x, t: (1.0, 0.0))).start(), r"called with \(x, y, t\)"),
+        (lambda: still(pc.BodyForce(lambda x, y, t: (np.nan, 0.0))).start(), "BodyForce = nan"),
         (lambda: still(pc.BodyForce(lambda x, y, t: (math_cos(t), 0.0))), "BodyForce.largest_step"),
         (
             lambda: pc.Simulation(

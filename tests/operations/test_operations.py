@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 
@@ -185,6 +187,58 @@ def test_species_are_at_hand():
     assert held == [0.0, pytest.approx(2.0, rel=1e-3)]  # volumes have changed
 
 
+class Idle(pc.Operation):
+    def call(self, state):
+        """A misspelt __call__."""
+
+
+class Textual(Idle):
+    fields = ("T",)
+
+    def __call__(self, state):
+        """Do nothing."""
+
+
+class Counting(pc.Operation):
+    def observables(self, state):
+        return 3
+
+
+class Uncompiled(pc.Operation):
+    def attach(self, state):
+        @pc.particle_loop
+        def wrong(i, v):
+            v[i, 0] = undefined  # noqa: F821
+
+        self._wrong = state.bind(wrong)
+
+    def __call__(self, state):
+        self._wrong(state.n)
+
+
+class Bare(pc.SDPD):
+    more = (1,)
+
+
+@dataclass(frozen=True)
+class Unannotated(pc.SDPD):
+    more = (1,)
+
+
+class Stageless(pc.SDPD):
+    def stages(self):
+        return ["kick"]
+
+
+def test_what_goes_wrong_in_an_operation_says_where():
+    def fail(state):
+        raise KeyError("oops")
+
+    with pytest.raises(KeyError) as error:
+        flow(operations=[pc.Every(fail, steps=3)]).advance(5)
+    assert error.value.__notes__ == ["(in operation fail, step 3)"]
+
+
 @pytest.mark.parametrize(
     ("make", "key"),
     [
@@ -203,8 +257,24 @@ def test_species_are_at_hand():
         (lambda: flow(operations=[Named("end")]), "when of Named"),
         (lambda: flow(operations=[Taken()]), "name of Field"),
         (lambda: flow(observables={"kinetic_energy": lambda s: 1.0}).observables(), "observable"),
+        (lambda: flow(observables={"a/b": len}), "name of an observable"),
+        (lambda: flow(observables={"a": lambda: 1.0}), "observable 'a'"),
+        (lambda: flow(observables={"a": lambda s: "1"}).observables(), "observable 'a'"),
+        (lambda: pc.Every(lambda: None, steps=1), "function"),
+        (lambda: flow(operations=[Idle()]), "operation Idle"),
+        (lambda: flow(operations=[Textual()]), "fields = 'T'"),
+        (lambda: flow(operations=[Counting()]).observables(), "numbers of Counting"),
+        (lambda: flow().particles.set("v", np.ones(3)), "values of 'v' = 'numbers of shape (3,)'"),
+        (lambda: flow().particles.set("v", 1j), "values of 'v'"),
+        (lambda: flow().particles.set("mass", ["a"] * 64), "values of 'mass'"),
+        *((lambda n=n: flow(pc.SDPD(fields=[pc.Field(n)])), "name of Field")
+          for n in ("box", "species", "dt", "speed", "time", "wall_acceleration", "dt_over_time")),
+        (lambda: Bare(), "more of Bare"),
+        (lambda: Unannotated(), "more of Unannotated"),
+        (lambda: flow(Stageless()), "Stageless.stages()"),
+        (lambda: flow(operations=[Uncompiled()]).advance(2), "code of the loop 'wrong'"),
     ],
-)
+)  # fmt: skip
 def test_wrong_operations_are_refused(make, key):
     with pytest.raises(pc.InputError) as error:
         make()

@@ -7,8 +7,10 @@ import pytest
 
 import particell as pc
 from particell.cli import call
-from particell.laws import exp, vector, where
+from particell.laws import cos, exp, vector, where
 from particell.laws.diffusion import pair_slopes
+from particell.laws.dimensions import check_units
+from particell.laws.equation import equations
 from systems import forces
 
 
@@ -93,6 +95,28 @@ class Other(pc.Law):
         return {"tempature_rate": 1.0}
 
 
+class Misnamed(pc.Law):
+    def Pair(self, i, j, ij):  # noqa: N802
+        return {"a": ij.x}
+
+
+class Text(pc.Law):
+    own = "weights"
+
+    def pair(self, i, j, ij):
+        return {"weights": ij.W}
+
+
+class Three(pc.Law):
+    def finish(self, i, sums):
+        return {"a": vector(1.0, 2.0, 3.0)}
+
+
+class Flat(pc.Law):
+    def finish(self, i, sums):
+        return {"a": i.density}
+
+
 class Branches(pc.Law):
     def pair(self, i, j, ij):
         return {"a": ij.x} if ij.r < 1.0 else {}
@@ -104,7 +128,12 @@ class Branches(pc.Law):
         (Unknown(), "densty.*did you mean 'density'"),
         (Nowhere(), "acceleration"),
         ("spring", "each item a Law"),
-        (Other(), "tempature_rate.*did you mean 'temperature_rate'"),
+        (Other(), "what Other adds to.*did you mean 'temperature_rate'.*Field.'tempature'"),
+        (Misnamed(), "law Misnamed = 'Pair' is not"),
+        (Text(), "own of Text"),
+        (Spring(np.ones(3)), "stiffness of Spring"),
+        (Three(), "what Three adds to a.*2 components"),
+        (Flat(), "what Flat adds to a = 'a number'.*a vector"),
     ],
 )
 def test_what_is_wrong_is_said_in_one_line(law, words):
@@ -144,7 +173,7 @@ def test_fields_may_be_called_like_variables_of_the_loop(name):
 def test_names_with_another_meaning_are_refused(name):
     box = pc.Domain((0, 0), (8, 8), periodic="xy")
     unit = pc.Fluid(density=1.0, viscosity=1.0, sound_speed=10.0)
-    with pytest.raises(pc.InputError, match="nothing else has"):
+    with pytest.raises(pc.InputError, match="does not use itself"):
         pc.Simulation(box, pc.fluid(box, unit, 1.0), pc.SDPD(fields=[pc.Field(name)]))
 
 
@@ -157,6 +186,71 @@ def test_a_law_s_numbers_are_those_that_it_has_now():
     assert simulation.particles.by_id("a")[0, 0] == pytest.approx(
         3 * before, rel=0.01
     )  # but for friction
+
+
+@pytest.mark.parametrize("kind", [float, np.float32, np.float64, np.array])
+def test_numbers_of_any_kind_may_change(kind):
+    law = Spring(kind(1.0))
+    simulation = two(law)
+    before = simulation.particles.by_id("a")[0, 0]
+    law.stiffness = kind(3.0)
+    forces(simulation, 0, simulation.dt)
+    assert simulation.particles.by_id("a")[0, 0] == pytest.approx(3 * before, rel=0.01)
+
+
+def test_whole_numbers_are_part_of_the_loop_and_must_not_change():
+    law = Spring(1)
+    simulation = two(law)
+    simulation.advance(1)
+    law.stiffness = 3
+    with pytest.raises(pc.InputError, match=r"stiffness of Spring, changed, = 3 .* be 1, as"):
+        simulation.advance(1)
+
+
+class Lonely(pc.Law):
+    """What is finished, with a sum of its own."""
+
+    own = ("weights",)
+
+    def pair(self, i, j, ij):
+        return {"weights": j.volume * ij.W, "a": 1.5 * np.pi * ij.x}
+
+    def finish(self, i, sums):
+        return {"a": sums.weights * i.x}
+
+
+def test_equations_have_what_is_finished():
+    found = {name: str(value) for name, value in equations(Lonely(), 2).items()}
+    assert found == {
+        "weights": "V_j*W_ij",
+        "a": "3*pi*x_ij/2",
+        "a, at the end": "(sum_weights*x_i, sum_weights*y_i)",
+    }
+    swing = equations(pc.BodyForce(lambda x, y, t: (0.3 * cos(t), 1e-7 * y)), 2)["a"]
+    assert str(swing) == "(3*cos(time_i)/10, 1.0e-7*y_i)"
+
+
+def test_units_of_a_law():
+    for dim in (1, 2, 3):
+        assert (
+            check_units(Spring(2.0), dim, stiffness=f"N/m^{4 - dim}")["a"] == "meter / second ** 2"
+        )
+    with pytest.raises(pc.InputError, match="unit of what Spring adds to a = "):
+        check_units(Spring(2.0), 2, stiffness="N/m")
+    with pytest.raises(pc.InputError, match="units in Wrong"):
+        check_units(Wrong())
+    with pytest.raises(pc.InputError, match="number of Spring = 'stifness'"):
+        check_units(Spring(2.0), stifness="N/m")
+    with pytest.raises(pc.InputError, match="unit = 'foo'"):
+        check_units(Spring(2.0), stiffness="foo")
+    assert (
+        check_units(Decay("c"), fields={"c": "mol/m^3"})["c_rate"] == "mole / meter ** 3 / second"
+    )
+
+
+class Wrong(pc.Law):
+    def pair(self, i, j, ij):
+        return {"a": (ij.r + i.density) * ij.x}
 
 
 class Explodes(pc.Law):
@@ -217,17 +311,17 @@ class Answers(pc.Law):
     ("answer", "words"),
     [
         (lambda i, j, ij: ij.x, "a dict"),
-        (lambda i, j, ij: {"a": 1.0}, "alike|components"),
+        (lambda i, j, ij: {"a": 1.0}, "what Answers adds to a = 'a number'.*a vector"),
         (lambda i, j, ij: {"a": np.cos(ij.r) * ij.x}, "particell.laws"),
-        (lambda i, j, ij: {"v": ij.x}, "what a law adds"),
+        (lambda i, j, ij: {"v": ij.x}, "what Answers adds to = 'v'"),
         (lambda i, j, ij: {"a": ij.x if ij.r == 2.0 else -ij.x}, "where"),
         (lambda i, j, ij: {"a": ij.dist * ij.x}, "Answers.pair"),
-        (lambda i, j, ij: {"a": ij.x.outer(ij.x)}, "components|alike"),
+        (lambda i, j, ij: {"a": ij.x.outer(ij.x)}, "adds to a = 'a tensor'"),
         (lambda i, j, ij: {"a": ij.x * ij.x}, "Answers.pair"),
         (lambda i, j, ij: {"a": "far"}, "what Answers adds"),
         (lambda i, j, ij: {"a": None}, "what Answers adds"),
         (lambda i, j, ij: {"temperature_rate": "warm"}, "what Answers adds"),
-        (lambda i, j, ij: {"temperature_rate": ij.x}, "2 components"),
+        (lambda i, j, ij: {"temperature_rate": ij.x}, "a vector'.*a number"),
         (lambda i, j, ij: {1: ij.x}, "Answers.pair.*a dict"),
         (lambda i, j, ij: {"a": ij.suport * ij.x}, "Answers.pair.*did you mean 'support'"),
         (lambda i, j, ij: {"a": i.densty * ij.x}, "Answers.pair.*did you mean 'density'"),

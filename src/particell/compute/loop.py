@@ -23,6 +23,7 @@ import functools
 import gc
 import hashlib
 import inspect
+import re
 import sys
 import textwrap
 import time
@@ -34,10 +35,12 @@ import numba
 import numpy as np
 from numba import njit
 from numba.core import event
+from numba.core.errors import NumbaError
 
 from particell.compute.cache import compiled_here
 from particell.compute.simulator import for_simulator, simulating
 from particell.compute.threads import Shared
+from particell.errors import InputError
 
 #: ``fastmath=True`` would delete ``isfinite``. Re-association is for loops over batches only: with
 #: it LLVM vectorises sums over neighbours with gather instructions, which are more than twice
@@ -299,11 +302,22 @@ def _timed_first_call(compiled: Callable[..., None], vectorise: bool) -> Callabl
         fresh = False
         begin = time.perf_counter()
         with vectorisers(vectorise, compiled), no_collector():
-            compiled(np.uint64(0), np.uint64(n), np.uint64(0), *args)
+            try:
+                compiled(np.uint64(0), np.uint64(n), np.uint64(0), *args)
+            except NumbaError as error:
+                raise _not_compiled(compiled, error) from error
         CompileLog.seconds += time.perf_counter() - begin
         CompileLog.loops += 1
 
     return call
+
+
+def _not_compiled(compiled: Any, error: NumbaError) -> InputError:
+    """What Numba says of code that it cannot compile, in one line."""
+    lines = [line.strip() for line in re.sub(r"\x1b\[\d+m", "", str(error)).splitlines()]
+    said = [line for line in lines if line and not line.startswith(("Failed in", "During", "File"))]
+    name = compiled.py_func.__name__
+    return InputError(f"code of the loop '{name}'", said[0] if said else "?", "what Numba compiles")
 
 
 def cuda_python(loop: Loop, constants: dict[str, Any]) -> Callable[..., None]:

@@ -134,12 +134,14 @@ class Sweep:
         me = Side(self.names, "i")
         passes: list[Pass] = []
         sums: dict[str, tuple[int, Any]] = {}
+        adding: dict[str, Law] = {}
         for source in self.sources:
             i, j, ij = source.see(me, Side(self.names, "j"), self.kernel, self.uniform)
             adds: dict[str, Any] = {}
             for number, law in enumerate(laws):
                 for name, value in _asked(law, "pair", dim, i, j, ij).items():
                     key = f"{_name(law, number)}.{name}" if name in law.own else name
+                    adding[key] = law
                     adds[key] = _added(law, name, adds.get(key), value)
             stored = {name: adds.pop(name) for name in self.stored if name in adds}
             parts = {name: components(value, dim) for name, value in adds.items()}
@@ -165,15 +167,19 @@ class Sweep:
             title=", ".join(type(law).__name__ for law in self.laws),
             dim=dim,
             passes=tuple(passes),
-            results=self._results(me, laws, sums),
+            results=self._results(me, laws, sums, adding),
             targets=self.targets,
             zeroed=self.zeroed,
         )
 
     def _results(
-        self, me: Side, laws: Sequence[Law], sums: Mapping[str, tuple[int, Any]]
+        self,
+        me: Side,
+        laws: Sequence[Law],
+        sums: Mapping[str, tuple[int, Any]],
+        adding: dict[str, Law],
     ) -> dict[str, Result]:
-        """What becomes of the sums, by field."""
+        """What becomes of the sums, by field; ``adding`` has the law that was last to add to it."""
         dim = self.names.dim
         symbols = {name: _like(v, sum_symbols(name, k), dim) for name, (k, v) in sums.items()}
         totals = {name: value for name, value in symbols.items() if "." not in name}
@@ -181,38 +187,20 @@ class Sweep:
             prefix = f"{_name(law, number)}."
             own = {n: symbols.get(prefix + n, 0.0) for n in law.own}
             for name, value in _asked(law, "finish", dim, me, Values(**own)).items():
+                adding[name] = law
                 totals[name] = _added(law, name, totals.get(name), value)
         known = self.names.fields if self.addable is None else self.addable
         for name, value in totals.items():
             if name not in known:
-                raise self._unknown(name, known)
+                raise _unknown(adding[name], name, known)
             width = self._width(name)
             if len(components(value, dim)) != max(1, width):
-                wrong = "a vector" if isinstance(value, Vector) else "a number"
                 needed = f"a vector of {width} components" if width else "a number"
-                raise InputError(f"what {self._adding(name)} adds to {name}", wrong, needed)
+                raise InputError(_what(adding[name], name), _kind(value), needed)
         return {
             name: Result(components(value, dim), self._width(name) > 0, self._column(name))
             for name, value in totals.items()
         }
-
-    def _adding(self, name: str) -> str:
-        """The laws that add to a name: those of users come last, and err first."""
-        me = Side(self.names, "i")
-        found = [type(self.laws[-1]).__name__]
-        for source in self.sources:
-            i, j, ij = source.see(me, Side(self.names, "j"), self.kernel, self.uniform)
-            adding = [type(law).__name__ for law in self.laws if name in law.pair(i, j, ij)]
-            found = adding[-1:] or found
-        return found[0]
-
-    def _unknown(self, name: str, known: Collection[str]) -> InputError:
-        error = unknown_name(f"what {self._adding(name)} adds to", name, known)
-        if not name.endswith("_rate"):
-            return error
-        field = name.removesuffix("_rate")
-        allowed = f"{error.allowed}; the scheme has no fields=[Field('{field}')]"
-        return InputError(error.key, error.value, allowed)
 
     def _width(self, name: str) -> int:
         """Components of a field, 0 of a number."""
@@ -331,6 +319,23 @@ def _what(law: Law, name: str) -> str:
     return f"what {type(law).__name__} adds to {name}"
 
 
+def _kind(value: Any) -> str:
+    """What a law adds, in words."""
+    if isinstance(value, Vector):
+        return "a vector"
+    return "a tensor" if isinstance(value, Symmetric) else "a number"
+
+
+def _unknown(law: Law, name: str, known: Collection[str]) -> InputError:
+    """The error for a name that is neither a field nor a sum of the law's own."""
+    error = unknown_name(f"what {type(law).__name__} adds to", name, known)
+    if not name.endswith("_rate"):
+        return error
+    field = name.removesuffix("_rate")
+    allowed = f"{error.allowed}; the scheme has no fields=[Field('{field}')]"
+    return InputError(error.key, error.value, allowed)
+
+
 def _added(law: Law, name: str, before: Any, value: Any) -> Any:
     """The sum of what laws add to one name."""
     if before is None:
@@ -338,9 +343,8 @@ def _added(law: Law, name: str, before: Any, value: Any) -> Any:
     try:
         return before + value
     except TypeError:
-        kinds = ["a vector" if isinstance(v, Vector) else "a number" for v in (value, before)]
-        allowed = f"{kinds[1]}, as what others add"
-        raise InputError(_what(law, name), kinds[0], allowed) from None
+        allowed = f"{_kind(before)}, as what others add"
+        raise InputError(_what(law, name), _kind(value), allowed) from None
 
 
 def _name(law: Law, number: int) -> str:

@@ -26,9 +26,9 @@ FILLED = 0.7
 CLUMP, IN_CLUMPS = 0.5, 0.02
 #: Largest part of the fluid beyond open faces of the domain or in walls.
 OUTSIDE = 0.002
-#: Largest slip at walls, of the largest speed.
+#: Largest slip at walls, of the largest speed so far.
 SLIP = 0.2
-#: Largest scatter of velocities about a smooth field, of the largest speed.
+#: Largest scatter of velocities about a smooth field, of the largest speed so far.
 SCATTER = 0.1
 #: More places than are worth looking at.
 SAMPLE = 4000
@@ -59,6 +59,7 @@ class Watch:
             self._spacing = Spacing(s)
         closest, filled, number = self._spacing.measure()
         self.worst.setdefault("filled at first", float(filled.min()))
+        self._note("speed", float(np.linalg.norm(self._motion(), axis=1).max()))
         self._note("mach", self._mach())
         self._note("compression", self._compression())
         self._note("empty", -float(filled.min()))
@@ -81,11 +82,19 @@ class Watch:
 
     def _mach(self) -> float:
         """Largest speed over sound; of a fluid without walls against its mean velocity."""
-        s, v = self.simulation, self._fluid("v")
-        if not s.particles.host("is_wall").any():
+        sound = self._per_material([m.sound_speed or np.inf for m in self.simulation.materials])
+        return float((np.linalg.norm(self._motion(), axis=1) / sound).max())
+
+    def _motion(self) -> np.ndarray:
+        """Velocities; of a fluid without walls against its mean velocity."""
+        v = self._fluid("v")
+        if not self.simulation.particles.host("is_wall").any():
             v -= np.average(v, axis=0, weights=self._fluid("mass"))
-        sound = self._per_material([m.sound_speed or np.inf for m in s.materials])
-        return float((np.linalg.norm(v, axis=1) / sound).max())
+        return v
+
+    def _fastest(self, v: np.ndarray) -> float:
+        """Largest speed now or at a frame before: flows come to rest, or turn round."""
+        return max(float(np.linalg.norm(v, axis=1).max()), self.worst["speed"])
 
     def _compression(self) -> float:
         """|ρ/ρ₀ − 1| that one particle in a hundred exceeds."""
@@ -117,8 +126,8 @@ class Watch:
             "change of density",
             worst["compression"],
             COMPRESSION + noise,
-            "the fluid is compressed by more than the sound speed rule promises (1 %): give "
-            "reference_speed or pressure_drop",
+            "the fluid is compressed by more than the sound speed rule promises (1 %): give a "
+            "larger reference_speed, pressure_drop or sound_speed",
         )
         yield Finding(
             "neighbours of the loneliest particle",
@@ -187,10 +196,8 @@ class Watch:
 
     def _scatter(self) -> float | None:
         """Root mean square of v minus the linear field that fits it around, over the largest."""
-        s, x, v = self.simulation, self._fluid("x"), self._fluid("v")
-        if not s.particles.host("is_wall").any():
-            v -= np.average(v, axis=0, weights=self._fluid("mass"))
-        speed = np.linalg.norm(v, axis=1).max()
+        s, x, v = self.simulation, self._fluid("x"), self._motion()
+        speed = self._fastest(v)
         if not speed or len(x) < FEW_PARTICLES:
             return None
         rows = np.arange(len(x))[:: -(-len(x) // SAMPLE)]
@@ -207,7 +214,7 @@ class Watch:
         x, v, h = self._fluid("x"), self._fluid("v"), self._fluid("support")
         wall = s.particles.host("is_wall") != 0
         x_wall, v_wall = s.particles.host("x")[wall], np.array(s.particles.host("v")[wall], float)
-        speed = max(np.linalg.norm(v, axis=1).max(), np.linalg.norm(v_wall, axis=1).max())
+        speed = max(self._fastest(v), np.linalg.norm(v_wall, axis=1).max())
         feet = np.concatenate([_feet(s, p, x, h / s.scheme.support) for p in walls])
         if not speed or not len(feet):
             return None

@@ -11,7 +11,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from particell.checks import checked
+import numpy as np
+
+from particell.checks import checked, takes
 from particell.compute.expressions import Number, sqrt, vector
 from particell.errors import InputError
 from particell.laws.law import Adds, Law
@@ -48,11 +50,18 @@ class BodyForce(Law):
         self.acceleration = acceleration
 
     def _at(self, i: Any) -> tuple[Number, ...]:
-        found = tuple(self.acceleration(*i.x.parts(i.dim), i.time))
-        if len(found) != i.dim:
-            wrong = f"{len(found)} components"
-            raise InputError("acceleration of BodyForce", wrong, f"{i.dim}, one for each dimension")
-        return found
+        given = ", ".join(("x", "y", "z")[: i.dim]) + ", t"
+        takes("acceleration of BodyForce", self.acceleration, given)
+        found = self.acceleration(*i.x.parts(i.dim), i.time)
+        many = isinstance(found, Sequence | np.ndarray) and not isinstance(found, str)
+        if not many or len(found) != i.dim:
+            wrong = f"{len(found)} components" if many else found
+            allowed = f"a function of ({given}) that gives {i.dim} numbers, one for each dimension"
+            raise InputError("acceleration of BodyForce", wrong, allowed)
+        for part in found:
+            if isinstance(part, float | np.ndarray) and not np.isfinite(part).all():
+                raise InputError("acceleration of BodyForce", part, "finite")
+        return tuple(found)
 
     def finish(self, i: Any, sums: Any) -> Adds:
         """In m/s²."""

@@ -79,7 +79,9 @@ def check_law(law: Any) -> None:
         allowed = "laws: instances of classes derived from particell.Law"
         raise InputError("more (laws)", law, allowed)
     kind = type(law)
-    if kind.pair is Law.pair and kind.finish is Law.finish:
+    if all(
+        getattr(kind, does) is getattr(Law, does) for does in ("pair", "finish", "largest_step")
+    ):
         written = ", ".join(name for name in vars(kind) if not name.startswith("_")) or "neither"
         raise InputError(f"law {kind.__name__}", written, "one with a method 'pair' or 'finish'")
     if isinstance(law.own, str) or not all(isinstance(name, str) for name in law.own):

@@ -6,7 +6,9 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from particell.checks import checked, positive
+import numpy as np
+
+from particell.checks import checked, positive, takes
 from particell.errors import InputError
 from particell.operations.operation import Operation, When
 from particell.state import State
@@ -47,6 +49,7 @@ class Every(Operation):
         when: When = When.DONE,
         name: str | None = None,
     ):
+        takes("function", function, "state")
         if (steps is None) == (interval is None):
             raise InputError("steps", steps, "given, or interval, and not both")
         if steps is not None and steps < 1:
@@ -81,6 +84,10 @@ class Observables(Operation):
 
     def __init__(self, functions: Mapping[str, Callable[[State], float]]):
         self.functions = dict(functions)
+        for name, function in self.functions.items():
+            if not isinstance(name, str) or not name or "/" in name:
+                raise InputError("name of an observable", name, "text without '/'")
+            takes(f"observable '{name}'", function, "state")
 
     def acts(self) -> Mapping[When, Callable[[State], None]]:
         """It only looks."""
@@ -107,8 +114,7 @@ class Observables(Operation):
         found = {}
         for name, function in self.functions.items():
             value = function(state)
-            try:
-                found[name] = float(value)
-            except (TypeError, ValueError):
-                raise InputError(f"observable '{name}'", value, "a number") from None
+            if np.ndim(value) or not np.isrealobj(value) or isinstance(value, str | None):
+                raise InputError(f"observable '{name}'", value, "a number")
+            found[name] = float(value)
         return found

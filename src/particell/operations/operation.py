@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Mapping
 from enum import Enum
 from typing import Any
 
+from particell.checks import takes
 from particell.errors import InputError
 from particell.fields import Field
 from particell.state import State
@@ -118,6 +119,7 @@ class Operations:
             for when in operation.acts():
                 if not isinstance(when, When):
                     raise InputError(f"when of {operation.name}", when, "one of particell.When")
+            _check(operation)
             name, number = operation.name, 2
             while name in self.by_name:
                 name, number = f"{operation.name} {number}", number + 1
@@ -143,7 +145,13 @@ class Operations:
         def fire() -> None:
             for operation, act in found:
                 if always or (clock.step + ahead) % operation.every == 0:
-                    act(state)
+                    try:
+                        act(state)
+                    except Exception as error:
+                        error.add_note(
+                            f"(in operation {operation.name}, step {clock.step + ahead})"
+                        )
+                        raise
 
         return fire
 
@@ -185,8 +193,26 @@ class Operations:
             operation.restore(saved[name])
 
 
+#: What an operation does one of.
+_DOES = ("__call__", "acts", "attach", "observables", "counts")
+
+
+def _check(operation: Operation) -> None:
+    """Refuse an operation that would do nothing, or that declares what is no field."""
+    kind, name = type(operation), operation.name
+    if all(getattr(kind, does) is getattr(Operation, does) for does in _DOES):
+        raise InputError(f"operation {name}", operation, "one with a method '__call__' or 'acts'")
+    for field in operation.fields:
+        if not isinstance(field, Field):
+            raise InputError(f"fields of {name}", field, "particell.Field(name)")
+    for act in operation.acts().values():
+        takes(f"what {name} does", act, "state")
+
+
 def _add(found: dict[str, float], more: Mapping[str, float], whose: str) -> None:
     """Take numbers over, of which none may be there already."""
+    if not isinstance(more, Mapping):
+        raise InputError(f"numbers of {whose}", more, "a table of numbers by name")
     for name, value in more.items():
         if name in found:
             raise InputError(f"number of {whose}", name, "a name that nothing else has")

@@ -17,7 +17,7 @@ from particell.fields import Field
 from particell.kernels import kernel_code, normalisation
 from particell.laws.continuity import DensityDiffusion, HeadOfRest
 from particell.laws.hydrostatics import AT_REST
-from particell.laws.law import Law
+from particell.laws.law import Law, check_law
 from particell.laws.pressure import PressureForce
 from particell.laws.viscosity import Viscosity
 from particell.operations.kept_volume import KeptVolume
@@ -46,7 +46,9 @@ RESERVED |= {"dim", "side", "names", "replace", "field", "record", "columns", "w
 RESERVED |= {"specific_volume", "pressure_over_square", "v_ahead", "own_kernel", "transport"}
 RESERVED |= {"flux", "buoyancy", "count", "amount", "shift", "shift_before", "density_half"}
 RESERVED |= {"kernel_sum", "velocity_spread", "wall_normal", "wall_depth", "wall_curvature"}
-RESERVED |= {"wall_friction", *AT_REST}
+RESERVED |= {"wall_friction", "box", "species", "speed", *AT_REST}
+#: What loops are given at every call.
+RESERVED |= {"dt", "dt_over_time", "tau", "part", "fraction", "target", "stream", "expected"}
 
 
 class Flow:
@@ -82,6 +84,8 @@ class Flow:
         self.state, self.scheme = state, scheme
         self.forces = tuple(forces)
         self.laws = (*scheme.more, *forces)
+        for law in self.laws:
+            check_law(law)
         dim, device, array = state.dim, state.device, state.device.array
         self.properties = properties = Properties(state, scheme)
         gravity = np.zeros(dim) if scheme.gravity is None else np.array(scheme.gravity, dtype=float)
@@ -208,6 +212,9 @@ class Flow:
         """
         taken = {*RESERVED, *self.constants, *self.state.neighbours.fields}
         for field in fields:
+            if not isinstance(field, Field):
+                raise InputError("fields", field, "particell.Field(name)")
             both = {field.name, field.rate.name}
             if both & taken or any(name in self.state.particles for name in both):
-                raise InputError("name of Field", field.name, "one that nothing else has")
+                allowed = "one that the program does not use itself"
+                raise InputError("name of Field", field.name, allowed)

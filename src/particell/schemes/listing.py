@@ -39,7 +39,7 @@ def describe(simulation: Simulated, written: bool = False, exchange: bool = Fals
         for law in sweep.laws:
             yield f"  {type(law).__name__:{width}}  {first_line(law)}"
             if written:
-                for result, value in equations(law).items():
+                for result, value in equations(law, simulation.domain.dim).items():
                     yield f"  {'':{width}}    {result} += {value}"
         if exchange:
             yield f"  of neighbours: {', '.join(sweep.reads_of_neighbours())}"

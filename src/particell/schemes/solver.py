@@ -74,8 +74,8 @@ class Solver:
     def __init__(self, state: State, scheme: Any, flow: Flow | None, operations: Operations):
         self.state, self.scheme, self.operations = state, scheme, operations
         self._flow = flow
-        self.first: list[Stage] = scheme.first_stages()
-        self.stages: list[Stage] = scheme.stages()
+        self.first: list[Stage] = _stages_of(scheme, "first_stages")
+        self.stages: list[Stage] = _stages_of(scheme, "stages")
         self._runs: list[Run] | None = None
         self._done = lambda: None
         self._sweeps: dict[str, Any] = {}
@@ -199,6 +199,15 @@ class Solver:
         self._done()
 
 
+def _stages_of(scheme: Any, method: str) -> list[Stage]:
+    """What a scheme is made of; refused where that is no list of stages."""
+    found = getattr(scheme, method)()
+    if not isinstance(found, list) or not all(isinstance(stage, Stage) for stage in found):
+        where = f"{type(scheme).__name__}.{method}()"
+        raise InputError(where, found, "a list of stages (particell.schemes.solver.Stage)")
+    return found
+
+
 def add_fields(flow: Flow) -> None:
     """Add what the stages of a flow's scheme need, and the user's fields with their rates.
 
@@ -208,7 +217,7 @@ def add_fields(flow: Flow) -> None:
         For fields of the user's whose names mean something else.
     """
     particles, scheme = flow.state.particles, flow.scheme
-    for stage in [*scheme.first_stages(), *scheme.stages()]:
+    for stage in [*_stages_of(scheme, "first_stages"), *_stages_of(scheme, "stages")]:
         for field in stage.fields(flow):
             if field.name not in particles:
                 particles.add(field)

@@ -186,14 +186,15 @@ def ensemble(case: str, settings: tuple[str, ...], out: Path | None, **options: 
 @click.argument("directory", type=click.Path(path_type=Path))
 @own_case
 @click.option("--progress/--no-progress", default=True, help="Show a progress bar.")
-def resume(directory: Path, progress: bool, kind: str | None) -> int:
+@click.option("--previous", is_flag=True, help="From the checkpoint before the last one.")
+def resume(directory: Path, progress: bool, kind: str | None, previous: bool) -> int:
     """Go on with the run or the ensemble in DIRECTORY from its last checkpoints."""
     from particell.cases import directories, ensembles
     from particell.ensemble import is_ensemble
 
     if is_ensemble(directory):
         return ensembles.resume(directory, progress, kind)
-    return guarded(directory, lambda: directories.resume(directory, progress, kind))
+    return guarded(directory, lambda: directories.resume(directory, progress, kind, previous))
 
 
 @cli.command()

@@ -39,6 +39,7 @@ class Simulated(Protocol):
     phases: list[Phase]
     materials: list[Fluid]
     seed: int
+    described: dict[str, str]
     static: bool
     books: bool
     step: int

@@ -21,6 +21,7 @@ from particell.chemistry.reactions import Reaction
 from particell.chemistry.species import Species
 from particell.compute.device import Device
 from particell.compute.philox import stream_key
+from particell.description import described_parts
 from particell.errors import InputError, RunError
 from particell.geometry.domain import Domain
 from particell.laws.body_force import BodyForce
@@ -133,6 +134,16 @@ class Simulation:
         stream_key(seed, 0)  # refuses what is no seed
         if reactions and not species:
             raise InputError("reactions", list(reactions), "empty without species")
+        self.described = described_parts(
+            boundaries,
+            forces,
+            reactions,
+            operations,
+            observables or {},
+            splitting=splitting,
+            normalise_diffusion=normalise_diffusion,
+            dt=dt,
+        )
         self.domain, self.scheme, self.seed, self.static = domain, scheme, seed, scheme.at_rest
         self.phases = [phases] if isinstance(phases, Phase) else list(phases)
         depth_factor = depth_of(domain, self.phases) ** (3 - domain.dim)

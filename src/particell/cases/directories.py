@@ -17,11 +17,15 @@ from particell.output.run import CASE, Run
 
 
 def resume(
-    directory: str | Path, progress: bool = True, kind: type[Case] | str | None = None
+    directory: str | Path,
+    progress: bool = True,
+    kind: type[Case] | str | None = None,
+    before: bool = False,
 ) -> int:
     """Go on from the last checkpoint of a directory; gives the exit status.
 
-    ``kind`` is the class of a case that is not built in, as for :func:`read_case`.
+    ``kind`` is the class of a case that is not built in, as for :func:`read_case`; ``before`` takes
+    the checkpoint before the last one.
 
     Raises
     ------
@@ -30,7 +34,7 @@ def resume(
     """
     directory = Path(directory)
     case, context = read_case(directory, kind)
-    return execution.go_on(case, context, directory, progress)
+    return execution.go_on(case, context, directory, progress, before=before)
 
 
 def replot(directory: str | Path, kind: type[Case] | str | None = None) -> list[Path]:

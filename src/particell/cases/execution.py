@@ -5,18 +5,19 @@ from __future__ import annotations
 import contextlib
 import os
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from particell.errors import HealthWarning, InputError
 from particell.health import Finding, beyond
-from particell.output.checkpoint import read_checkpoint
-from particell.output.files import prepare_directory, write_json
+from particell.output.checkpoint import previous, read_checkpoint, take_previous
+from particell.output.files import CheckpointError, prepare_directory, write_json
 from particell.output.run import CASE, CHECKPOINT, OWN_FILES, SUMMARY, TRAJECTORY, Run
 from particell.output.summary import write_summary
 from particell.recipe import Context, Metric, Recipe
+from particell.restored import StateError
 
 if TYPE_CHECKING:
     from particell.simulation import Simulation
@@ -77,28 +78,55 @@ def execute(
 
 
 def go_on(
-    recipe: Recipe, context: Context, directory: Path, progress: bool = True, report: bool = True
+    recipe: Recipe,
+    context: Context,
+    directory: Path,
+    progress: bool = True,
+    report: bool = True,
+    before: bool = False,
 ) -> int:
-    """Go on from the last checkpoint of a directory; returns as :func:`execute`.
+    """Go on from the last checkpoint of a directory, or from the one before it.
+
+    Returns as :func:`execute`.
 
     Raises
     ------
     InputError, CheckpointError
         Where the checkpoint cannot be read, or is of another recipe.
     """
-    started = not _stopped_at_once(directory)
-    state, _ = read_checkpoint(directory / CHECKPOINT) if started else ({}, {})
+    started = before or not _stopped_at_once(directory)
+    path = directory / CHECKPOINT
+    older = previous(path)
+    if before and not older.is_file():
+        raise CheckpointError(f"there is no checkpoint before {path}")
+    with offering_the_previous(path, before):
+        state, _ = read_checkpoint(older if before else path) if started else ({}, {})
     set_threads(context.threads)
     if not isinstance(context.seed, int):
         raise InputError("seed", context.seed, "a whole number")
     simulation = recipe.build(context)
     if started:
-        simulation.restore(state)
+        with offering_the_previous(path, before):
+            simulation.restore(state)
+        if before:
+            take_previous(path)
     else:
         prepare_directory(directory, TRAJECTORY)
         if report:
             print("it was stopped before its first checkpoint: it starts anew")
     return _finish(recipe, context, simulation, directory, progress, report)
+
+
+@contextlib.contextmanager
+def offering_the_previous(path: Path, before: bool) -> Iterator[None]:
+    """Where a checkpoint is damaged, say how to go on from the one before it."""
+    try:
+        yield
+    except (CheckpointError, StateError) as error:
+        if before or not previous(path).is_file():
+            raise
+        how = f"particell resume {path.parent} --previous"
+        raise CheckpointError(f"{error}; go on from the one before it with: {how}") from None
 
 
 def _stopped_at_once(directory: Path) -> bool:

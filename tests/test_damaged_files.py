@@ -18,7 +18,6 @@ from particell.cli import call
 from particell.errors import InputError
 from particell.output import h5md, trajectory
 from particell.output.checkpoint import read_checkpoint, write_checkpoint
-from particell.output.files import CheckpointError, OutputError
 from particell.output.run import Run
 
 

@@ -187,14 +187,22 @@ def ensemble(case: str, settings: tuple[str, ...], out: Path | None, **options: 
 @own_case
 @click.option("--progress/--no-progress", default=True, help="Show a progress bar.")
 @click.option("--previous", is_flag=True, help="From the checkpoint before the last one.")
-def resume(directory: Path, progress: bool, kind: str | None, previous: bool) -> int:
+@click.option("--until", metavar="TIME", help="Another end, in s or with a unit; it may be later.")
+def resume(
+    directory: Path, progress: bool, kind: str | None, previous: bool, until: str | None
+) -> int:
     """Go on with the run or the ensemble in DIRECTORY from its last checkpoints."""
     from particell.cases import directories, ensembles
     from particell.ensemble import is_ensemble
 
     if is_ensemble(directory):
+        if previous or until is not None:
+            allowed = "left out for an ensemble"
+            raise InputError("--previous" if previous else "--until", previous or until, allowed)
         return ensembles.resume(directory, progress, kind)
-    return guarded(directory, lambda: directories.resume(directory, progress, kind, previous))
+    end = None if until is None else parse_settings([f"until={until}"])["until"]
+    options = (progress, kind, previous, end)
+    return guarded(directory, lambda: directories.resume(directory, *options))
 
 
 @cli.command()
@@ -257,14 +265,21 @@ def bench(path: Path | None) -> int:
 
 
 @cli.command()
-def info() -> int:
-    """Versions, backends, threads and devices."""
+@click.argument("directory", type=click.Path(path_type=Path), required=False)
+def info(directory: Path | None) -> int:
+    """Versions, backends, threads and devices; or how far the run in DIRECTORY is."""
     import os
     from importlib.metadata import version
 
     from particell.compute.threads import available_threads
     from particell.output.summary import versions
 
+    if directory is not None:
+        from particell.status import status_lines
+
+        for line in status_lines(directory):
+            click.echo(line)
+        return 0
     click.echo(f"particell {version('particell')}")
     click.echo(", ".join(f"{name} {number}" for name, number in versions().items()))
     click.echo(f"cpu: {available_threads()} threads (of {os.cpu_count()} cores)")

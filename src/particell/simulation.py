@@ -32,6 +32,7 @@ from particell.operations.build import OF_SPECIES, Boundary, operations_of, wall
 from particell.operations.operation import Operation, Operations
 from particell.output.run import Run
 from particell.phases import Phase
+from particell.recorder import kept_of_run, new_id
 from particell.restart import restore, state_of
 from particell.schemes.flow import Flow
 from particell.schemes.solver import Solver, add_fields
@@ -194,9 +195,11 @@ class Simulation:
         self.books = any(
             isinstance(b, OF_SPECIES) or (isinstance(b, Sponge) and b.species) for b in boundaries
         )
-        self.resumed = False
-        self.resumed_plan: dict | None = None
-        self.resumed_averages: dict[str, np.ndarray] = {}
+        self.run_id, self.resumed = new_id(), False
+        self.resumed_plan: Mapping[str, Any] | None = None
+        self.resumed_run: Mapping[str, Any] | None = None
+        self.resumed_averages: Mapping[str, np.ndarray] = {}
+        self.resumed_averaged: Mapping[str, str] = {}
         self.account = snapshot.Account()
         self._started = False
 
@@ -373,10 +376,12 @@ class Simulation:
         InputError
             Where the state belongs to another simulation.
         """
+        kept = kept_of_run(state)
         restore(self, state)
-        self.resumed, self.resumed_plan = True, state.get("plan")
-        self.resumed_averages = state.get("averages", {})
-        self._started = True
+        self.resumed, self._started = True, True
+        self.resumed_plan, self.resumed_run = kept.get("plan"), kept.get("run")
+        self.resumed_averages, self.resumed_averaged = kept["averages"], kept["averaged"]
+        self.run_id = self.resumed_run["id"] if self.resumed_run else new_id()
 
     def __repr__(self) -> str:
         return snapshot.text_of(self)

@@ -161,13 +161,18 @@ def _circle(file: h5py.File) -> None:
 
 MADE = {
     "no tree": lambda file: file.__delitem__("tree"),
-    "a tree of text": lambda file: (file.__delitem__("tree"), file.create_dataset("tree", data="x")),
+    "a tree of text": lambda file: (
+        file.__delitem__("tree"),
+        file.create_dataset("tree", data="x"),
+    ),
     "no JSON": _tree(lambda text: text[:-1]),
     "no parts": _tree(lambda text: "{}"),
     "deep": _tree(lambda text: "[" * 100_000),
     "deep tables": _tree(lambda text: '{"state": ' + '{"a": ' * 5000 + "1" + "}" * 5001),
     "a long number": _tree(lambda text: '{"meta": {}, "state": ' + "9" * 5000 + "}"),
-    "the same array twice": _tree(lambda text: text.replace('"k": 3', '"k": {"__array__": "state/a"}')),
+    "the same array twice": _tree(
+        lambda text: text.replace('"k": 3', '"k": {"__array__": "state/a"}')
+    ),
     "an array by another name": _tree(lambda text: text.replace('"state/a"', "7")),
     "a group as an array": _tree(lambda text: text.replace('"state/a"', '"state"')),
     "an array that is not there": _tree(lambda text: text.replace('"state/a"', '"/nowhere"')),

@@ -1,7 +1,7 @@
 """Checkpoints: everything that a bit-for-bit restart needs, in one HDF5 file with a digest.
 
-The tree of the state is JSON text, as bytes; its arrays are datasets below ``state/`` that the text refers
-to by path. Python's JSON writes numbers such that they are read back exactly.
+The tree of the state is JSON text, as bytes; its arrays are datasets below ``state/`` that the text
+refers to by path. Python's JSON writes numbers such that they are read back exactly.
 
 The file begins with a line of text, in HDF5's user block: what it is, and a digest of that and of
 all bytes that follow. A file of which a single bit has changed is refused before HDF5 sees it. The

@@ -300,23 +300,27 @@ class Session:
                 if clock.monotonic() - saved > checkpoint_every:
                     self._checkpoint()
                     saved = clock.monotonic()
-                self.status.tell(plan)
         return False
 
     def _some(self) -> int:
-        """A few steps, up to the next frame or sample, in less than :data:`LOOK` seconds."""
+        """Steps up to the next look at the state, a frame, a sample, or a wish to stop."""
         s, plan = self.simulation, self.plan
         to_frame = plan.next - s.step
         due = [a.due_in(to_frame, plan.per_frame) for a in self.recorder.averages]
-        few = max(1, int(LOOK / max(self._seconds, 1e-9)))
-        steps = min(CHUNK, few, to_frame, *due)
-        begin = clock.monotonic()
-        s.advance(steps)
-        self._seconds = (clock.monotonic() - begin) / steps
+        # where a state is looked at must not depend on how fast the machine is
+        to_look = CHUNK - (plan.per_frame - to_frame) % CHUNK
+        steps, done = min(to_look, to_frame, *due), 0
+        while done < steps and not (done and self.asked[0]):
+            few = min(steps - done, max(1, int(LOOK / max(self._seconds, 1e-9))))
+            begin = clock.monotonic()
+            s.advance(few, check=done + few == steps)
+            self._seconds = (clock.monotonic() - begin) / few
+            done += few
+            self.status.tell(plan)
         for average, ahead in zip(self.recorder.averages, due, strict=True):
-            if steps == ahead:
+            if done == ahead:
                 average.sample()
-        return steps
+        return done
 
     def _frame(self, bar: Bar) -> bool:
         """Take a frame; gives whether the condition ends the run."""

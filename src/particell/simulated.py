@@ -79,7 +79,7 @@ class Runnable(Simulated, Protocol):
         """Choose dt so that ``every`` is a whole number of steps."""
         ...
 
-    def advance(self, steps: int = 1) -> None:
+    def advance(self, steps: int = 1, check: bool = True) -> None:
         """Do time steps."""
         ...
 

@@ -232,8 +232,8 @@ class Simulation:
             self.account.open(self)
 
     @checked
-    def advance(self, steps: int = 1) -> None:
-        """Do ``steps`` time steps of ``dt``.
+    def advance(self, steps: int = 1, check: bool = True) -> None:
+        """Do ``steps`` time steps of ``dt``; unless ``check`` is false, look at the state then.
 
         Raises
         ------
@@ -251,7 +251,8 @@ class Simulation:
             except RunError:
                 self.check()  # names the field that it came from, where one shows it
                 raise
-            self.check()
+            if check:
+                self.check()
 
     def check(self) -> None:
         """Refuse to go on with a broken state, or a flow that is too fast for its time step.

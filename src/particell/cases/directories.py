@@ -89,7 +89,7 @@ def read_case(directory: str | Path, kind: type[Case] | str | None = None) -> tu
         allowed = f"one with the output of a run ({CASE})"
         if os.path.isfile(path.with_name(CHECKPOINT)):
             allowed = (
-                "of a case: this run was made by a script; build the same simulation there, "
+                f"with a case ({CASE}); this run was made by a script: build its simulation there, "
                 f"restore(read_checkpoint('{path.with_name(CHECKPOINT)}')[0]), and run again"
             )
         raise InputError("directory", str(directory), allowed)

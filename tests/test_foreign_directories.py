@@ -16,7 +16,7 @@ from particell.cases.execution import execute
 from particell.cli import call
 from particell.ensemble import Ensemble
 from particell.errors import InputError, Interrupted
-from particell.output.checkpoint import read_checkpoint, write_checkpoint
+from particell.output.checkpoint import read_checkpoint, seal, write_checkpoint
 from particell.output.files import CheckpointError
 from particell.output.run import Run
 
@@ -132,5 +132,6 @@ def test_numbers_that_are_in_other_files_are_refused(place, monkeypatch, capsys,
     write_checkpoint("good.h5", {"x": np.arange(3)})
     with h5py.File("good.h5", "r+") as file:
         spoil(file)
+    seal("good.h5")
     with pytest.raises(CheckpointError, match="other"):
         read_checkpoint("good.h5")

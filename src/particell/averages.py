@@ -42,6 +42,9 @@ from particell.errors import InputError, unknown_name
 from particell.kernels import kernel_code, shape_w
 from particell.simulated import Simulated
 
+#: Characters in the name of an average.
+LONGEST_NAME = 100
+
 
 @checked
 @dataclass(frozen=True, eq=False)
@@ -90,8 +93,10 @@ class TimeAverage:
             raise InputError("points", f"of shape {points.shape}", "finite, of shape (…, D)")
         if not self.fields:
             raise InputError("fields", self.fields, "at least one name")
-        if not self.name or "/" in self.name:
-            raise InputError("name", self.name, "a word without '/'")
+        good = self.name.strip(".") and self.name.isprintable() and len(self.name) <= LONGEST_NAME
+        if not good or "/" in self.name:  # it is a part of a path in the file
+            allowed = f"a word of at most {LONGEST_NAME} characters, without '/'"
+            raise InputError("name", self.name, allowed)
         object.__setattr__(self, "points", points)
 
 

@@ -1,13 +1,18 @@
 """The command line.
 
 Exit status: 0 done; 1 done, but a metric or the run's health is beyond its limit; 2 the input is
-wrong; 3 the run broke; 130 interrupted.
+wrong; 3 the run broke; 70 something that nobody foresaw; 130 interrupted.
 """
 
 from __future__ import annotations
 
+import contextlib
+import os
+import signal
 import sys
+import tempfile
 import tomllib
+import traceback
 import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -15,12 +20,19 @@ from typing import TYPE_CHECKING, Any, NoReturn, TextIO
 
 import click
 
-from particell.errors import InputError, Interrupted, LawWarning, ParticellError, RunError
+from particell.errors import (
+    CacheWarning,
+    InputError,
+    Interrupted,
+    LawWarning,
+    ParticellError,
+    RunError,
+)
 
 if TYPE_CHECKING:
     from particell.cases.base import Case
 
-FAILED, WRONG_INPUT, BROKEN, INTERRUPTED = 1, 2, 3, 130
+FAILED, WRONG_INPUT, BROKEN, UNFORESEEN, INTERRUPTED = 1, 2, 3, 70, 130
 
 _run_options = [
     click.option("--seed", type=int, default=1, show_default=True, help="Of the random numbers."),
@@ -186,14 +198,23 @@ def ensemble(case: str, settings: tuple[str, ...], out: Path | None, **options: 
 @click.argument("directory", type=click.Path(path_type=Path))
 @own_case
 @click.option("--progress/--no-progress", default=True, help="Show a progress bar.")
-def resume(directory: Path, progress: bool, kind: str | None) -> int:
+@click.option("--previous", is_flag=True, help="From the checkpoint before the last one.")
+@click.option("--until", metavar="TIME", help="Another end, in s or with a unit; it may be later.")
+def resume(
+    directory: Path, progress: bool, kind: str | None, previous: bool, until: str | None
+) -> int:
     """Go on with the run or the ensemble in DIRECTORY from its last checkpoints."""
     from particell.cases import directories, ensembles
     from particell.ensemble import is_ensemble
 
     if is_ensemble(directory):
+        if previous or until is not None:
+            allowed = "left out for an ensemble"
+            raise InputError("--previous" if previous else "--until", previous or until, allowed)
         return ensembles.resume(directory, progress, kind)
-    return guarded(directory, lambda: directories.resume(directory, progress, kind))
+    end = None if until is None else parse_settings([f"until={until}"])["until"]
+    options = (progress, kind, previous, end)
+    return guarded(directory, lambda: directories.resume(directory, *options))
 
 
 @cli.command()
@@ -264,14 +285,21 @@ def bench(path: Path | None) -> int:
 
 
 @cli.command()
-def info() -> int:
-    """Versions, backends, threads and devices."""
+@click.argument("directory", type=click.Path(path_type=Path), required=False)
+def info(directory: Path | None) -> int:
+    """Versions, backends, threads and devices; or how far the run in DIRECTORY is."""
     import os
     from importlib.metadata import version
 
     from particell.compute.threads import available_threads
     from particell.output.summary import versions
 
+    if directory is not None:
+        from particell.status import status_lines
+
+        for line in status_lines(directory):
+            click.echo(line)
+        return 0
     click.echo(f"particell {version('particell')}")
     click.echo(", ".join(f"{name} {number}" for name, number in versions().items()))
     click.echo(f"cpu: {available_threads()} threads (of {os.cpu_count()} cores)")
@@ -336,7 +364,7 @@ def guarded(directory: Path, action: Callable[[], int]) -> int:
             raise  # nothing has begun
         click.echo(f"interrupted; go on with: particell resume {directory}", err=True)
         return INTERRUPTED
-    except (RunError, OutputError) as error:
+    except (RunError, OutputError, MemoryError) as error:
         click.echo(f"the run broke: {_one_line(error)}", err=True)
         checkpoint = directory / CHECKPOINT
         if checkpoint.exists():
@@ -353,8 +381,24 @@ def complain(error: Exception) -> int:
     return WRONG_INPUT
 
 
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())
+def _one_line(error: BaseException) -> str:
+    words = " ".join(str(error).split())
+    if isinstance(error, MemoryError):
+        return f"out of memory ({words})" if words else "out of memory"
+    return words
+
+
+def unforeseen(error: BaseException) -> int:
+    """Say in one line what nobody foresaw, and where the traceback is; gives the exit status."""
+    where = ""
+    with contextlib.suppress(OSError):
+        name = tempfile.NamedTemporaryFile  # keeps the file
+        with name("w", prefix="particell-", suffix=".txt", delete=False, encoding="utf-8") as file:
+            file.write("".join(traceback.format_exception(error)))
+            where = f"; the traceback, for a report of it: {file.name}"
+    words = f"{type(error).__name__}: {_one_line(error)}"[:300]
+    click.echo(f"an error that nobody foresaw: {words}{where}", err=True)
+    return UNFORESEEN
 
 
 def call(arguments: Sequence[str] | None = None) -> int:
@@ -376,14 +420,18 @@ def call(arguments: Sequence[str] | None = None) -> int:
     except click.ClickException as error:
         error.show()
         return error.exit_code
-    except (click.Abort, KeyboardInterrupt):
+    except (click.Abort, KeyboardInterrupt) as error:
+        if isinstance(error.__cause__, EOFError):  # which click takes for a wish to stop
+            return unforeseen(error.__cause__)
         click.echo("interrupted", err=True)
         return INTERRUPTED
-    except OutputError as error:
+    except (OutputError, MemoryError) as error:
         click.echo(f"error: {_one_line(error)}", err=True)
         return BROKEN
     except ParticellError as error:
         return complain(error)
+    except Exception as error:
+        return unforeseen(error)
     return status or 0
 
 
@@ -396,14 +444,73 @@ def _say(
     line: str | None = None,
 ) -> None:
     """Show a warning in one line, without the place in the program that it came from."""
-    if issubclass(category, LawWarning):
-        click.echo(f"warning: {message}", err=True)
-    else:
-        text = warnings.formatwarning(message, category, filename, lineno, line)
-        click.echo(text, err=True, nl=False)
+    with contextlib.suppress(OSError, ValueError):
+        if issubclass(category, LawWarning | CacheWarning):
+            click.echo(f"warning: {message}", err=True)
+        else:
+            text = warnings.formatwarning(message, category, filename, lineno, line)
+            click.echo(text, err=True, nl=False)
+
+
+def mend_streams() -> None:
+    """Give a process whose stdin, stdout or stderr was closed the system's empty device there.
+
+    Else the next file that is opened has their number, and what is said is written into it.
+    """
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # takes the lowest number that is free
+        if getattr(sys, name) is None:
+            mode = "r" if number == 0 else "w"
+            setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: SIM115
+
+
+class Heedless:
+    """A stream for which it does not matter that nobody listens any more, or that a disk is full.
+
+    Parameters
+    ----------
+    stream
+        What is written to.
+    """
+
+    def __init__(self, stream: TextIO):
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        """Write, where that is possible."""
+        with contextlib.suppress(OSError, ValueError):
+            self._stream.write(text)
+        return len(text)
+
+    def flush(self) -> None:
+        """Flush, where that is possible."""
+        with contextlib.suppress(OSError, ValueError):
+            self._stream.flush()
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+
+def _interrupt(number: int, frame: object) -> None:
+    raise KeyboardInterrupt
 
 
 def main() -> NoReturn:
     """The program ``particell``."""
+    mend_streams()
     warnings.showwarning = _say
-    sys.exit(call())
+    with contextlib.suppress(ValueError, AttributeError):  # before a run begins, as Ctrl-C does
+        signal.signal(signal.SIGTERM, _interrupt)
+    streams = sys.stdout, sys.stderr
+    sys.stdout, sys.stderr = (Heedless(stream) for stream in streams)  # type: ignore[assignment]
+    status = call()
+    for stream in streams:
+        try:
+            stream.flush()
+        except (OSError, ValueError):  # what is left in it would make a noise at the end
+            with contextlib.suppress(OSError, ValueError):
+                os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+    sys.exit(status)

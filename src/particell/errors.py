@@ -76,6 +76,10 @@ class LawWarning(UserWarning):
     """A law of the input is wrong in a way that a run can live with: said in one line, once."""
 
 
+class CacheWarning(UserWarning):
+    """Compiled code cannot be kept, or what was kept is damaged: it is compiled anew."""
+
+
 class HealthWarning(UserWarning):
     """A run is beyond a limit of :mod:`particell.health`: look before you trust it."""
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import json
+import contextlib
 import math
 import os
 import signal
-import sys
 import threading
 import time as clock
 import warnings
@@ -14,30 +13,30 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NoReturn, Protocol
+from typing import NoReturn, Protocol
 
-import numpy as np
-from tqdm import tqdm
-
-from particell import snapshot
 from particell.averages import RunningAverage, TimeAverage, check_averages
 from particell.checks import checked, not_negative, positive
 from particell.compute import neighbours
 from particell.compute.cache import compiled_before
-from particell.errors import HealthWarning, InputError, Interrupted, RunError, unknown_name
+from particell.errors import HealthWarning, InputError, Interrupted, unknown_name
 from particell.health import beyond
-from particell.output.checkpoint import write_checkpoint
-from particell.output.files import OutputError, plain, prepare_directory
-from particell.output.h5md import AVERAGES
+from particell.laws.digest import described
+from particell.output.files import prepare_directory
+from particell.output.ownership import owned
 from particell.output.run import CHECKPOINT, OWN_FILES, TRAJECTORY, Run
-from particell.output.trajectory import TrajectoryWriter
-from particell.schemes.timestep import check_number_of_steps
+from particell.output.trajectory import run_id
+from particell.plans import Plan
+from particell.progress import Bar, say
+from particell.recorder import Recorder, new_id
+from particell.restored import check_kind
 from particell.simulated import Runnable
+from particell.status import ENDED, FAILED, INTERRUPTED, STOPPED, Status
 
-#: Steps between looks at the clock, the state's soundness and the user's wish to stop.
+#: Steps between looks at the clock, the state's soundness and the user's wish to stop, at most ...
 CHUNK = 50
-#: More frames than any disk holds.
-MOST_FRAMES = 1e9
+#: ... and seconds, where a step takes less.
+LOOK = 0.4
 
 
 class Stop(Protocol):
@@ -87,91 +86,6 @@ class SteadyState:
         return change <= self.tolerance * max(abs(value), 1e-300)
 
 
-class Recorder:
-    """Where frames go: to ``run.h5``, or to memory."""
-
-    def __init__(
-        self,
-        simulation: Runnable,
-        directory: Path | None,
-        resumed: bool,
-        averages: list[RunningAverage],
-    ):
-        self.simulation, self.directory, self.averages = simulation, directory, averages
-        self.points = {a.average.name: a.average.points for a in averages}
-        self.frames: list[dict[str, np.ndarray]] = []
-        self.observables: list[dict[str, Any]] = []
-        self.steps: list[int] = []
-        self.times: list[float] = []
-        self.writer: TrajectoryWriter | None = None
-        if directory is None:
-            return
-        if resumed:
-            self.writer = TrajectoryWriter.resume(directory / TRAJECTORY, simulation.step)
-        else:
-            self.writer = TrajectoryWriter(
-                directory / TRAJECTORY,
-                simulation.domain,
-                simulation.static_frame(),
-                simulation.group_names,
-                parameters=json.dumps(plain(simulation.settings)),
-                points=self.points,
-                units=snapshot.units_of(simulation),
-            )
-
-    def record(self) -> dict[str, float]:
-        """Take a frame; returns the observables."""
-        s = self.simulation
-        frame, observables = s.frame(), s.observables()
-        s.watch.look()
-        series: dict[str, Any] = dict(observables)
-        for average in self.averages:
-            for field, mean in average.take().items():
-                series[f"{AVERAGES}/{average.average.name}/{field}"] = mean
-        if self.writer is not None:
-            self.writer.append(s.step, s.time, frame, series)
-        else:
-            self.frames.append(frame)
-            self.observables.append(series)
-            self.steps.append(s.step)
-            self.times.append(s.time)
-        return observables
-
-    def checkpoint(self, plan: dict) -> None:
-        """Write a checkpoint that the frames written so far belong to."""
-        if self.directory is None:
-            return
-        self.simulation.check()  # a checkpoint is good, whatever observers did
-        if self.writer is not None:
-            self.writer.sync()
-        sums = {average.average.name: average.sums for average in self.averages}
-        state = {**self.simulation.state(), "plan": plan, "averages": sums}
-        write_checkpoint(self.directory / CHECKPOINT, state, {"step": self.simulation.step})
-
-    def close(self) -> None:
-        """Close the file."""
-        if self.writer is not None:
-            self.writer.close()
-
-    def finish(self) -> Run:
-        """Close the file and open the run."""
-        s = self.simulation
-        self.close()
-        if self.directory is not None:
-            return Run(self.directory)
-        return Run.from_memory(
-            s.domain,
-            s.group_names,
-            s.static_frame(),
-            self.steps,
-            self.times,
-            self.frames,
-            self.observables,
-            points=self.points,
-            units=snapshot.units_of(s),
-        )
-
-
 @contextmanager
 def stop_requests() -> Iterator[list[bool]]:
     """Turn the first Ctrl-C (SIGINT, SIGTERM) into a request; the second one acts at once."""
@@ -206,62 +120,70 @@ def run_with_observers(
 ) -> Run:
     """See :meth:`particell.simulation.Simulation.run`."""
     not_negative("checkpoint_every", checkpoint_every)
-    if not (until > simulation.time and math.isfinite(until)):
-        if simulation.resumed and out is not None and until <= simulation.time * (1 + 1e-9):
-            return Run(out)
-        raise InputError("until", until, f"later than the present time {simulation.time:g} s")
-    every = (until - simulation.time) / 10 if every is None else every
-    if not 0 < every <= until * (1 + 1e-9):
-        raise InputError("every", every, f"positive and at most 'until' = {until:g} s")
+    chosen = [averages] if isinstance(averages, TimeAverage) else list(averages)
+    check_averages(simulation, chosen)
     _check_stop(simulation, stop)
-    resumed = simulation.resumed and out is not None
-    plan = simulation.resumed_plan if resumed else None
-    if plan is None:
-        intervals = _intervals(until - simulation.time, every)
-        per_frame = simulation.plan(every)
-        check_number_of_steps(simulation.dt, intervals * every)
-        plan = {
-            "every": every,
-            "per_frame": per_frame,
-            "last": simulation.step + intervals * per_frame,
-            "next": simulation.step + per_frame,
-        }
-    directory = None if out is None else _claim(Path(out), resumed or overwrite, resumed)
-    if progress and not compiled_before(Path(neighbours.__file__)):
-        tqdm.write("compiling the loops (only the first time; up to a minute)", sys.stderr)
-    # from here on: what is raised while loops are compiled may be lost
-    with stop_requests() as asked:
+    directory = None if out is None else Path(out)
+    going_on = directory is not None and _goes_on(simulation, directory)
+    if not (until > simulation.time and math.isfinite(until)):
+        if going_on and until <= simulation.time * (1 + 1e-9):
+            assert directory is not None
+            return Run(directory)
+        raise InputError("until", until, f"later than the present time {simulation.time:g} s")
+    plan = _plan(simulation, until, every, going_on)
+    with contextlib.ExitStack() as stack:
+        if directory is not None:
+            if not going_on:
+                _refuse_other(directory, overwrite)
+            stack.enter_context(owned(prepare_directory(directory)))
+            if not going_on:
+                _claim(simulation, directory, overwrite)
+        if progress and not compiled_before(Path(neighbours.__file__)):
+            say("compiling the loops (only the first time; up to a minute)")
+        # from here on: what is raised while loops are compiled may be lost
+        asked = stack.enter_context(stop_requests())
         simulation.start()
-        running = _running(simulation, averages, resumed)
-        recorder = Recorder(simulation, directory, resumed, running)
-        if not resumed:
-            for average in running:
-                average.sample()
-            recorder.record()
-            recorder.checkpoint(plan)
-        _loop(simulation, recorder, plan, progress, checkpoint_every, stop, asked)
-    run = recorder.finish()
+        running = _running(simulation, chosen, going_on)
+        recorder = Recorder(simulation, directory, going_on, running)
+        session = Session(simulation, recorder, plan, Status(simulation, recorder), stop, asked)
+        session.run(going_on, progress, checkpoint_every)
+        run = recorder.finish()
     run.health = simulation.health()
     for finding in beyond(run.health):
         warnings.warn(finding.line, HealthWarning, stacklevel=5)
     return run
 
 
+def _goes_on(simulation: Runnable, directory: Path) -> bool:
+    """Whether the run in a directory is the one that this simulation has come from."""
+    if simulation.resumed_run is None or not os.path.exists(directory / TRAJECTORY):
+        return False
+    return run_id(directory / TRAJECTORY) == simulation.resumed_run["id"]
+
+
+def _plan(simulation: Runnable, until: float, every: float | None, going_on: bool) -> Plan:
+    saved = simulation.resumed_plan
+    if going_on and saved is not None:
+        return Plan.going_on(simulation, saved, until, every)
+    return Plan.new(simulation, until, every)
+
+
 def _running(
-    simulation: Runnable, averages: TimeAverage | Sequence[TimeAverage], resumed: bool
+    simulation: Runnable, chosen: Sequence[TimeAverage], going_on: bool
 ) -> list[RunningAverage]:
-    """The sums of averages, of a resumed run as they were at its checkpoint."""
-    chosen = [averages] if isinstance(averages, TimeAverage) else list(averages)
-    check_averages(simulation, chosen)
+    """The sums of averages, of a run that goes on as they were at its checkpoint."""
+    if going_on:
+        now = {average.name: described(average) for average in chosen}
+        if now != simulation.resumed_averaged:
+            names = ", ".join(simulation.resumed_averaged) or "none"
+            allowed = f"as when the run began ({names}), with the same points and fields"
+            raise InputError("averages", list(now), allowed)
     running = [RunningAverage(simulation, average) for average in chosen]
-    if resumed:
-        saved = simulation.resumed_averages
-        same = {a.average.name: a.sums.shape for a in running}
-        if same != {name: sums.shape for name, sums in saved.items()}:
-            allowed = f"as when the run began: {', '.join(saved) or 'none'}"
-            raise InputError("averages", list(same), allowed)
-        for average in running:
-            average.sums[...] = saved[average.average.name]
+    for average in running if going_on else []:
+        name = average.average.name
+        saved = simulation.resumed_averages.get(name)
+        check_kind(f"average '{name}'", saved, average.sums)
+        average.sums[...] = saved
     return running
 
 
@@ -272,90 +194,145 @@ def _check_stop(simulation: Runnable, stop: Stop | None) -> None:
         raise unknown_name("observable", stop.observable, o)
 
 
-def _intervals(span: float, every: float) -> int:
-    """How many frames a span of time in s has; refuses an interval that would not reach its end."""
-    if span > MOST_FRAMES * every:
-        least = span / MOST_FRAMES
-        raise InputError("every", every, f"at least {least:g} s: {MOST_FRAMES:g} frames")
-    number = max(1, round(span / every))
-    if abs(number * every - span) > 1e-6 * span:
-        raise InputError("every", every, f"a whole part of the {span:g} s to run")
-    return number
-
-
-def _claim(directory: Path, allowed: bool, resumed: bool) -> Path:
-    """Make the directory of a run; one that holds another run needs to be allowed."""
+def _refuse_other(directory: Path, overwrite: bool) -> None:
+    """Refuse a directory that holds another run, unless it may be replaced."""
     used = any(os.path.exists(directory / name) for name in (TRAJECTORY, CHECKPOINT))
-    if used and not allowed:
-        raise InputError("out", str(directory), "without a run in it (or give overwrite=True)")
-    return prepare_directory(directory, *(OWN_FILES if used and not resumed else ()))
+    if used and not overwrite:
+        allowed = "without another run in it (or give overwrite=True)"
+        raise InputError("out", str(directory), allowed)
 
 
-def _plan_again(simulation: Runnable, plan: dict) -> None:
-    """Smaller steps from this frame on; the frames keep their times."""
-    frames = (plan["last"] - simulation.step) // plan["per_frame"]
-    if frames:
-        plan["per_frame"] = simulation.plan(plan["every"])
-        plan["next"] = simulation.step + plan["per_frame"]
-        plan["last"] = simulation.step + frames * plan["per_frame"]
+def _claim(simulation: Runnable, directory: Path, overwrite: bool) -> None:
+    """Make a directory that is owned ready for a new run."""
+    _refuse_other(directory, overwrite)
+    used = any(os.path.exists(directory / name) for name in (TRAJECTORY, CHECKPOINT))
+    if used:
+        prepare_directory(directory, *OWN_FILES)
+    if simulation.resumed_run is not None:  # another trajectory, and so another run
+        simulation.run_id = new_id()
 
 
-def _interrupt(simulation: Runnable, recorder: Recorder, plan: dict) -> NoReturn:
-    """Write a checkpoint and say that the run was stopped."""
-    recorder.checkpoint(plan)
-    recorder.close()
-    where = str(recorder.directory) if recorder.directory else None
-    raise Interrupted(where, step=simulation.step, time=simulation.time)
+class Session:
+    """A run from where a simulation is to the end of its plan.
 
+    Parameters
+    ----------
+    simulation, recorder, plan, status
+        What runs, what takes its frames, when, and what tells of it.
+    stop
+        The condition that ends it early, if any.
+    asked
+        Whether the user wants it to stop.
+    """
 
-def _loop(
-    simulation: Runnable,
-    recorder: Recorder,
-    plan: dict,
-    progress: bool,
-    checkpoint_every: float,
-    stop: Stop | None,
-    asked: list[bool],
-) -> None:
-    if asked[0]:
-        _interrupt(simulation, recorder, plan)
-    saved = clock.monotonic()
-    bar = tqdm(
-        total=plan["last"],
-        initial=simulation.step,
-        unit="step",
-        disable=not progress,
-        desc=f"{len(simulation.particles)} particles",
-        mininterval=0.5,
-    )
-    with bar:
+    def __init__(
+        self,
+        simulation: Runnable,
+        recorder: Recorder,
+        plan: Plan,
+        status: Status,
+        stop: Stop | None,
+        asked: list[bool],
+    ):
+        self.simulation, self.recorder, self.plan = simulation, recorder, plan
+        self.status, self.stop, self.asked = status, stop, asked
+        self._seconds = LOOK  # that a step takes; the first one shows how many
+
+    def run(self, going_on: bool, progress: bool, checkpoint_every: float) -> None:
+        """Make steps, frames and checkpoints; tell how it ended."""
         try:
-            while simulation.step < plan["last"]:
-                to_frame = plan["next"] - simulation.step
-                due = [a.due_in(to_frame, plan["per_frame"]) for a in recorder.averages]
-                steps = min(CHUNK, to_frame, *due)
-                simulation.advance(steps)
-                bar.update(steps)
-                for average, steps_ahead in zip(recorder.averages, due, strict=True):
-                    if steps == steps_ahead:
-                        average.sample()
-                if simulation.step == plan["next"]:
-                    observables = recorder.record()
-                    plan["next"] += plan["per_frame"]
-                    bar.set_postfix_str(f"t = {simulation.time:.4g} s", refresh=False)
-                    if stop is not None and stop(simulation.time, observables):
-                        plan["last"] = simulation.step  # so that a resumed run stays stopped
-                        break
-                    if simulation.timing.outran(simulation.monitor.largest_speed()):
-                        _plan_again(simulation, plan)
-                        bar.total = plan["last"]
-                if asked[0]:
-                    _interrupt(simulation, recorder, plan)
-                if clock.monotonic() - saved > checkpoint_every:
-                    recorder.checkpoint(plan)
-                    saved = clock.monotonic()
-        except (RunError, OutputError):
-            # the checkpoint on the disk is from before the fault: keep it
-            recorder.close()
+            if not going_on:
+                for average in self.recorder.averages:
+                    average.sample()
+                self.recorder.record()
+                self._checkpoint()
+            self.status.tell(self.plan)
+            stopped = self._steps(progress, checkpoint_every)
+            self._checkpoint()
+            self.status.tell(self.plan, STOPPED if stopped else ENDED)
+        except BaseException as error:
+            self.recorder.close()
+            wish = isinstance(error, Interrupted | KeyboardInterrupt)
+            words = "" if wish else " ".join(f"{type(error).__name__}: {error}".split())
+            self.status.tell(self.plan, INTERRUPTED if wish else FAILED, words[:1000])
             raise
-        recorder.checkpoint(plan)
+        finally:
+            self._remember()
+
+    def _checkpoint(self) -> None:
+        self.recorder.checkpoint(self.plan)
+        self.status.saved()
+
+    def _remember(self) -> None:
+        """Let the simulation know what it may go on with."""
+        s, kept = self.simulation, self.recorder.kept(self.plan)
+        if self.recorder.directory is not None and self.recorder.identity["frames"]:
+            s.resumed_plan, s.resumed_run = kept["plan"], kept["run"]
+            s.resumed_averages, s.resumed_averaged = kept["averages"], kept["averaged"]
+
+    def _interrupt(self) -> NoReturn:
+        """Write a checkpoint and say that the run was stopped."""
+        self._checkpoint()
+        where = str(self.recorder.directory) if self.recorder.directory else None
+        raise Interrupted(where, step=self.simulation.step, time=self.simulation.time)
+
+    def _steps(self, progress: bool, checkpoint_every: float) -> bool:
+        """All steps; gives whether the condition has ended them."""
+        s, plan = self.simulation, self.plan
+        if self.asked[0]:
+            self._interrupt()
+        saved = clock.monotonic()
+        bar = Bar(
+            progress,
+            total=plan.last,
+            initial=s.step,
+            unit="step",
+            desc=f"{len(s.particles)} particles",
+            mininterval=0.5,
+        )
+        with bar:
+            while s.step < plan.last:
+                bar.update(self._some())
+                if s.step == plan.next and self._frame(bar):
+                    return True
+                if self.asked[0]:
+                    self._interrupt()
+                if clock.monotonic() - saved > checkpoint_every:
+                    self._checkpoint()
+                    saved = clock.monotonic()
+        return False
+
+    def _some(self) -> int:
+        """Steps up to the next look at the state, a frame, a sample, or a wish to stop."""
+        s, plan = self.simulation, self.plan
+        to_frame = plan.next - s.step
+        due = [a.due_in(to_frame, plan.per_frame) for a in self.recorder.averages]
+        # where a state is looked at must not depend on how fast the machine is
+        to_look = CHUNK - (plan.per_frame - to_frame) % CHUNK
+        steps, done = min(to_look, to_frame, *due), 0
+        while done < steps and not (done and self.asked[0]):
+            few = min(steps - done, max(1, int(LOOK / max(self._seconds, 1e-9))))
+            begin = clock.monotonic()
+            s.advance(few, check=done + few == steps)
+            self._seconds = (clock.monotonic() - begin) / few
+            done += few
+            self.status.tell(plan)
+        for average, ahead in zip(self.recorder.averages, due, strict=True):
+            if done == ahead:
+                average.sample()
+        return done
+
+    def _frame(self, bar: Bar) -> bool:
+        """Take a frame; gives whether the condition ends the run."""
+        s, plan = self.simulation, self.plan
+        observables = self.recorder.record()
+        bar.words(f"t = {s.time:.4g} s")
+        if self.stop is not None and self.stop(s.time, observables):
+            plan.next += plan.per_frame
+            plan.last = s.step  # so that a resumed run stays stopped
+            return True
+        plan.frame_taken(s)
+        if s.timing.outran(s.monitor.largest_speed()):
+            plan.finer(s)
+        bar.total(plan.last)
+        return False

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Any, Protocol
 
+from particell.description import check_description, description
 from particell.errors import InputError
-from particell.laws.digest import scheme_text
+from particell.restored import check_state
 from particell.simulated import Simulated
 from particell.snapshot import Account
 
@@ -38,25 +39,6 @@ def state_of(simulation: Restorable) -> dict[str, Any]:
     return found
 
 
-def description(simulation: Simulated) -> dict[str, str]:
-    """What a simulation was made of, as text that is the same for the same description."""
-    s = simulation
-    chemistry = s.chemistry
-    return {
-        "domain": repr(s.domain),
-        "materials": repr(s.materials),
-        "scheme": scheme_text(s.scheme),
-        "forces": "" if s.static else "; ".join(f.described() for f in s.solver.flow.forces),
-        "precision": str(s.device.real),
-        "forms": repr(s.solver.forms()),
-        "seed": repr(s.seed),
-        "species": repr([*chemistry.species.values()] if chemistry else []),
-        "rates": repr([[t.rate.tolist(), t.value.tolist()] for t in chemistry.tables])
-        if chemistry
-        else "[]",
-    }
-
-
 def restore(simulation: Restorable, state: dict[str, Any]) -> None:
     """See :meth:`particell.simulation.Simulation.restore`."""
     s = simulation
@@ -66,16 +48,13 @@ def restore(simulation: Restorable, state: dict[str, Any]) -> None:
         raise InputError("checkpoint", "of an earlier version of particell", allowed)
     if not isinstance(fields, dict) or not set(state) >= PARTS:
         raise InputError("checkpoint", "another kind of state", "of a simulation")
-    now = description(s)
-    for part, text in state["description"].items():
-        if now.get(part) != text:
-            raise InputError(f"{part} of the checkpoint", text, f"as now: {now.get(part)}")
+    check_description(s, state["description"])
+    if not isinstance(state["operations"], dict):
+        raise InputError("checkpoint", "another kind of state", "of a simulation")
     s.operations.check(state["operations"])
-    same = set(fields) == set(s.particles) and all(
-        values.shape == s.particles[name].shape for name, values in fields.items()
-    )
-    if not same:
+    if set(fields) != set(s.particles):
         raise InputError("checkpoint", "other particles or fields", "of this simulation")
+    check_state(s, state)
     s.operations.restore(state["operations"])
     for name in s.particles:  # what is a part of another field comes after that one
         s.particles.set(name, fields[name])

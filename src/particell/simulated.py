@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, Protocol
 
 import numpy as np
@@ -39,6 +40,7 @@ class Simulated(Protocol):
     phases: list[Phase]
     materials: list[Fluid]
     seed: int
+    described: dict[str, str]
     static: bool
     books: bool
     step: int
@@ -50,9 +52,13 @@ class Simulated(Protocol):
 class Runnable(Simulated, Protocol):
     """A simulation that observers make steps."""
 
+    run_id: str
+    account: Any
     resumed: bool
-    resumed_plan: dict | None
-    resumed_averages: dict[str, np.ndarray]
+    resumed_plan: Mapping[str, Any] | None
+    resumed_run: Mapping[str, Any] | None
+    resumed_averages: Mapping[str, np.ndarray]
+    resumed_averaged: Mapping[str, str]
     watch: Any
 
     @property
@@ -73,7 +79,7 @@ class Runnable(Simulated, Protocol):
         """Choose dt so that ``every`` is a whole number of steps."""
         ...
 
-    def advance(self, steps: int = 1) -> None:
+    def advance(self, steps: int = 1, check: bool = True) -> None:
         """Do time steps."""
         ...
 

@@ -21,6 +21,7 @@ from particell.chemistry.reactions import Reaction
 from particell.chemistry.species import Species
 from particell.compute.device import Device
 from particell.compute.philox import stream_key
+from particell.description import described_parts
 from particell.errors import InputError, RunError
 from particell.geometry.domain import Domain
 from particell.laws.body_force import BodyForce
@@ -31,6 +32,7 @@ from particell.operations.build import OF_SPECIES, Boundary, operations_of, wall
 from particell.operations.operation import Operation, Operations
 from particell.output.run import Run
 from particell.phases import Phase
+from particell.recorder import kept_of_run, new_id
 from particell.restart import restore, state_of
 from particell.schemes.flow import Flow
 from particell.schemes.solver import Solver, add_fields
@@ -133,6 +135,16 @@ class Simulation:
         stream_key(seed, 0)  # refuses what is no seed
         if reactions and not species:
             raise InputError("reactions", list(reactions), "empty without species")
+        self.described = described_parts(
+            boundaries,
+            forces,
+            reactions,
+            operations,
+            observables or {},
+            splitting=splitting,
+            normalise_diffusion=normalise_diffusion,
+            dt=dt,
+        )
         self.domain, self.scheme, self.seed, self.static = domain, scheme, seed, scheme.at_rest
         self.phases = [phases] if isinstance(phases, Phase) else list(phases)
         depth_factor = depth_of(domain, self.phases) ** (3 - domain.dim)
@@ -183,9 +195,11 @@ class Simulation:
         self.books = any(
             isinstance(b, OF_SPECIES) or (isinstance(b, Sponge) and b.species) for b in boundaries
         )
-        self.resumed = False
-        self.resumed_plan: dict | None = None
-        self.resumed_averages: dict[str, np.ndarray] = {}
+        self.run_id, self.resumed = new_id(), False
+        self.resumed_plan: Mapping[str, Any] | None = None
+        self.resumed_run: Mapping[str, Any] | None = None
+        self.resumed_averages: Mapping[str, np.ndarray] = {}
+        self.resumed_averaged: Mapping[str, str] = {}
         self.account = snapshot.Account()
         self._started = False
 
@@ -218,8 +232,8 @@ class Simulation:
             self.account.open(self)
 
     @checked
-    def advance(self, steps: int = 1) -> None:
-        """Do ``steps`` time steps of ``dt``.
+    def advance(self, steps: int = 1, check: bool = True) -> None:
+        """Do ``steps`` time steps of ``dt``; unless ``check`` is false, look at the state then.
 
         Raises
         ------
@@ -237,7 +251,8 @@ class Simulation:
             except RunError:
                 self.check()  # names the field that it came from, where one shows it
                 raise
-            self.check()
+            if check:
+                self.check()
 
     def check(self) -> None:
         """Refuse to go on with a broken state, or a flow that is too fast for its time step.
@@ -362,10 +377,12 @@ class Simulation:
         InputError
             Where the state belongs to another simulation.
         """
+        kept = kept_of_run(state)
         restore(self, state)
-        self.resumed, self.resumed_plan = True, state.get("plan")
-        self.resumed_averages = state.get("averages", {})
-        self._started = True
+        self.resumed, self._started = True, True
+        self.resumed_plan, self.resumed_run = kept.get("plan"), kept.get("run")
+        self.resumed_averages, self.resumed_averaged = kept["averages"], kept["averaged"]
+        self.run_id = self.resumed_run["id"] if self.resumed_run else new_id()
 
     def __repr__(self) -> str:
         return snapshot.text_of(self)

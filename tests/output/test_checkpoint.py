@@ -1,13 +1,16 @@
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 
 import h5py
 import numpy as np
 import pytest
 
+from particell.output import checkpoint
 from particell.output.checkpoint import read_checkpoint, write_checkpoint
 from particell.output.files import CheckpointError, OutputError
 
@@ -100,14 +103,123 @@ def test_bad_files_in_one_line(tmp_path):
     with h5py.File(path, "w") as file:
         file["x"] = 1
     assert "not a checkpoint of particell" in complaint()
-    path.write_bytes(whole)
-    with h5py.File(path, "r+") as file:
-        file.attrs["format_version"] = 99
-    assert "has format 99" in complaint()
+    path.write_bytes(whole.replace(b"particell-checkpoint 2 ", b"particell-checkpoint 9 ", 1))
+    assert "has format 9, written by particell 0" in complaint()
     path.write_bytes(whole)
     with h5py.File(path, "r+") as file:
         del file["state/a"]
     assert "damaged" in complaint()
+    checkpoint.seal(path)
+    assert "there is no array 'state/a'" in complaint()
+
+
+def test_every_flipped_bit_is_found(tmp_path):
+    """In the header, in what HDF5 finds its way by, in numbers, in room that nobody uses."""
+    path = tmp_path / "c.h5"
+    write_checkpoint(path, {"a": np.arange(300.0), "b": {"c": np.arange(5), "text": "x" * 50}})
+    whole = path.read_bytes()
+    random = np.random.default_rng(17)
+    inside = random.integers(0, 8 * len(whole), 300)
+    for bit in {*inside.tolist(), *range(0, 8 * 600, 41)}:
+        damaged = bytearray(whole)
+        damaged[bit // 8] ^= 1 << bit % 8
+        path.write_bytes(damaged)
+        with pytest.raises(CheckpointError) as error:
+            read_checkpoint(path)
+        assert "\n" not in str(error.value), bit
+
+
+def _tree(change) -> Callable[[h5py.File], None]:
+    """What changes the text of the tree."""
+
+    def spoil(file: h5py.File) -> None:
+        text = file["tree"][()].tobytes().decode()
+        del file["tree"]
+        file["tree"] = np.frombuffer(change(text).encode(), np.uint8)
+
+    return spoil
+
+
+def _instead(**options) -> Callable[[h5py.File], None]:
+    """What stores an array in another way."""
+
+    def spoil(file: h5py.File) -> None:
+        del file["state/a"]
+        file.create_dataset("state/a", **options)
+
+    return spoil
+
+
+def _soft(file: h5py.File) -> None:
+    file["state/b"] = h5py.SoftLink("/state/b")
+
+
+def _circle(file: h5py.File) -> None:
+    file["state/again"] = file["state"]
+    del file["state/a"]
+
+
+MADE = {
+    "no tree": lambda file: file.__delitem__("tree"),
+    "a tree of text": lambda file: (
+        file.__delitem__("tree"),
+        file.create_dataset("tree", data="x"),
+    ),
+    "no JSON": _tree(lambda text: text[:-1]),
+    "no parts": _tree(lambda text: "{}"),
+    "deep": _tree(lambda text: "[" * 100_000),
+    "deep tables": _tree(lambda text: '{"state": ' + '{"a": ' * 5000 + "1" + "}" * 5001),
+    "a long number": _tree(lambda text: '{"meta": {}, "state": ' + "9" * 5000 + "}"),
+    "the same array twice": _tree(
+        lambda text: text.replace('"k": 3', '"k": {"__array__": "state/a"}')
+    ),
+    "an array by another name": _tree(lambda text: text.replace('"state/a"', "7")),
+    "a group as an array": _tree(lambda text: text.replace('"state/a"', '"state"')),
+    "an array that is not there": _tree(lambda text: text.replace('"state/a"', '"/nowhere"')),
+    "a huge array": _instead(shape=(2**40,), dtype="f8"),
+    "a huge array in chunks": _instead(shape=(2**40,), dtype="f8", chunks=(1024,)),
+    "a compressed array": _instead(data=np.zeros(10**6), compression="gzip"),
+    "text for numbers": _instead(data="text"),
+    "records": _instead(data=np.zeros(3, "i4,f8")),
+    "an outside file": _instead(shape=(4,), dtype="f8", external=[("secret", 0, 32)]),
+    "a soft link": _soft,
+    "a circle of groups": _circle,
+}
+
+
+@pytest.mark.parametrize("spoil", MADE.values(), ids=MADE)
+def test_what_was_made_on_purpose(tmp_path, spoil):
+    """With the right digest, which is no secret."""
+    path = tmp_path / "c.h5"
+    write_checkpoint(path, {"a": np.arange(4.0), "k": 3})
+    with h5py.File(path, "r+") as file:
+        spoil(file)
+    checkpoint.seal(path)
+    with pytest.raises(CheckpointError) as error:
+        read_checkpoint(path)
+    assert "\n" not in str(error.value) and len(str(error.value)) < 400
+
+
+def test_the_last_two_are_kept(tmp_path, monkeypatch):
+    path = tmp_path / "c.h5"
+
+    def kept() -> list[int]:
+        files = (path, checkpoint.previous(path))
+        return [read_checkpoint(file)[0]["k"] for file in files if file.exists()]
+
+    for k in range(3):
+        write_checkpoint(path, {"k": k})
+        assert kept() == [k, k - 1][: k + 1]
+
+    def no_links(*_) -> None:
+        raise OSError(1, "Operation not permitted")
+
+    monkeypatch.setattr(os, "link", no_links)
+    write_checkpoint(path, {"k": 3})
+    assert kept() == [3, 2]
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["c-previous.h5", "c.h5"]
+    checkpoint.take_previous(path)
+    assert kept() == [2]
 
 
 FULL = """
@@ -135,7 +247,7 @@ def test_no_room_keeps_the_old_one(tmp_path):
     )
     assert done.stdout == f"cannot write {path}: File too large\n" * 2
     assert len(read_checkpoint(path)[0]["a"]) == 11
-    assert [p.name for p in tmp_path.iterdir()] == ["c.h5"]
+    assert {p.name for p in tmp_path.iterdir()} == {"c.h5", "c-previous.h5"}
     with pytest.raises(OutputError, match="cannot write"):
         write_checkpoint(tmp_path / "no" / "c.h5", {})
 

@@ -12,7 +12,8 @@ from particell.averages import TimeAverage
 from particell.casefile.table import Name, Position, Table, describes
 from particell.errors import InputError
 from particell.geometry.domain import Domain
-from particell.observers import MOST_FRAMES, SteadyState
+from particell.observers import SteadyState
+from particell.plans import MOST_FRAMES
 from particell.simulation import Simulation
 from particell.units import Number, Time
 

@@ -11,17 +11,23 @@ from pathlib import Path
 from particell import cases
 from particell.cases import execution
 from particell.cases.base import Case, Context
+from particell.cases.files import with_settings
 from particell.errors import InputError
 from particell.output.files import read_json, reason
-from particell.output.run import CASE, Run
+from particell.output.run import CASE, CHECKPOINT, Run
 
 
 def resume(
-    directory: str | Path, progress: bool = True, kind: type[Case] | str | None = None
+    directory: str | Path,
+    progress: bool = True,
+    kind: type[Case] | str | None = None,
+    before: bool = False,
+    until: object = None,
 ) -> int:
     """Go on from the last checkpoint of a directory; gives the exit status.
 
-    ``kind`` is the class of a case that is not built in, as for :func:`read_case`.
+    ``kind`` is the class of a case that is not built in, as for :func:`read_case`; ``before`` takes
+    the checkpoint before the last one; ``until`` is another end, in s or with a unit.
 
     Raises
     ------
@@ -30,7 +36,27 @@ def resume(
     """
     directory = Path(directory)
     case, context = read_case(directory, kind)
-    return execution.go_on(case, context, directory, progress)
+    if until is not None:
+        case = ending_at(case, until)
+    options = {"before": before, "again": until is not None}
+    return execution.go_on(case, context, directory, progress, **options)
+
+
+def ending_at(case: Case, until: object) -> Case:
+    """The same case with another end.
+
+    Raises
+    ------
+    InputError
+        Where the case has no such parameter, or that is no time.
+    """
+    parameters = case.model_dump(mode="json")
+    paths = {"until": "until", "run": "run.until"}
+    key = next((paths[name] for name in paths if name in type(case).model_fields), None)
+    if key is None:
+        allowed = f"left out: '{case.name}' says itself when it ends"
+        raise InputError("--until", until, allowed)
+    return type(case)(**with_settings(parameters, {key: until}))
 
 
 def replot(directory: str | Path, kind: type[Case] | str | None = None) -> list[Path]:
@@ -60,7 +86,13 @@ def read_case(directory: str | Path, kind: type[Case] | str | None = None) -> tu
     """
     path = Path(directory) / CASE
     if not os.path.isfile(path):
-        raise InputError("directory", str(directory), f"one with the output of a run ({CASE})")
+        allowed = f"one with the output of a run ({CASE})"
+        if os.path.isfile(path.with_name(CHECKPOINT)):
+            allowed = (
+                f"with a case ({CASE}); this run was made by a script: build its simulation there, "
+                f"restore(read_checkpoint('{path.with_name(CHECKPOINT)}')[0]), and run again"
+            )
+        raise InputError("directory", str(directory), allowed)
     found = read_json(path, "case")
     try:
         name, reference = found["case"], found.get("class")

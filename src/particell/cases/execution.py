@@ -5,18 +5,20 @@ from __future__ import annotations
 import contextlib
 import os
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from particell.errors import HealthWarning, InputError
 from particell.health import Finding, beyond
-from particell.output.checkpoint import read_checkpoint
-from particell.output.files import prepare_directory, write_json
+from particell.output.checkpoint import previous, read_checkpoint, take_previous
+from particell.output.files import CheckpointError, prepare_directory, read_json, write_json
+from particell.output.ownership import LOCK, owned
 from particell.output.run import CASE, CHECKPOINT, OWN_FILES, SUMMARY, TRAJECTORY, Run
 from particell.output.summary import write_summary
 from particell.recipe import Context, Metric, Recipe
+from particell.restored import StateError
 
 if TYPE_CHECKING:
     from particell.simulation import Simulation
@@ -70,35 +72,97 @@ def execute(
     refuse_used_directory(out, overwrite)
     # Built first too: what refuses its parameters should leave no directory behind.
     simulation = recipe.build(context)
-    directory = prepare_directory(out, *OWN_FILES)
+    with owned(prepare_directory(out)):
+        refuse_used_directory(out, overwrite)
+        directory = prepare_directory(out, *OWN_FILES)
+        record_case(recipe, context, simulation, directory)
+        return _finish(recipe, context, simulation, directory, progress, report)
+
+
+def record_case(recipe: Recipe, context: Context, simulation: Simulation, directory: Path) -> None:
+    """Write what a run is made from, and which run it is, where data can say it."""
     if recipe.is_data:
-        write_json(directory / CASE, {**recipe.identity(), "context": asdict(context)})
-    return _finish(recipe, context, simulation, directory, progress, report)
+        run = getattr(simulation, "run_id", None)
+        content = {**recipe.identity(), "context": asdict(context), "run": run}
+        write_json(directory / CASE, content)
 
 
 def go_on(
-    recipe: Recipe, context: Context, directory: Path, progress: bool = True, report: bool = True
+    recipe: Recipe,
+    context: Context,
+    directory: Path,
+    progress: bool = True,
+    report: bool = True,
+    before: bool = False,
+    again: bool = False,
 ) -> int:
-    """Go on from the last checkpoint of a directory; returns as :func:`execute`.
+    """Go on from the last checkpoint of a directory, or from the one ``before`` it.
+
+    Returns as :func:`execute`. ``again`` writes ``case.json`` again, of a recipe that has another
+    end.
 
     Raises
     ------
     InputError, CheckpointError
         Where the checkpoint cannot be read, or is of another recipe.
     """
-    started = not _stopped_at_once(directory)
-    state, _ = read_checkpoint(directory / CHECKPOINT) if started else ({}, {})
+    with owned(directory):
+        simulation = _restored(recipe, context, directory, report, before)
+        if again:
+            record_case(recipe, context, simulation, directory)
+        return _finish(recipe, context, simulation, directory, progress, report)
+
+
+def _restored(
+    recipe: Recipe, context: Context, directory: Path, report: bool, before: bool
+) -> Simulation:
+    """The simulation of a directory, as its checkpoint has it, or at its beginning."""
+    started = before or not _stopped_at_once(directory)
+    path = directory / CHECKPOINT
+    older = previous(path)
+    if before and not older.is_file():
+        raise CheckpointError(f"there is no checkpoint before {path}")
+    with offering_the_previous(path, before):
+        state, meta = read_checkpoint(older if before else path) if started else ({}, {})
+    recorded = _recorded_run(directory)
+    if started and recorded and meta.get("run", recorded) != recorded:
+        allowed = f"of the same run as {directory / CASE}: it is of another one"
+        raise InputError("checkpoint", str(path), allowed)
     set_threads(context.threads)
     if not isinstance(context.seed, int):
         raise InputError("seed", context.seed, "a whole number")
     simulation = recipe.build(context)
     if started:
-        simulation.restore(state)
+        with offering_the_previous(path, before):
+            simulation.restore(state)
+        if before:
+            take_previous(path)
     else:
+        if recorded:
+            simulation.run_id = recorded
         prepare_directory(directory, TRAJECTORY)
         if report:
             print("it was stopped before its first checkpoint: it starts anew")
-    return _finish(recipe, context, simulation, directory, progress, report)
+    return simulation
+
+
+def _recorded_run(directory: Path) -> str:
+    """Which run the record of a case is of; nothing where there is none, or it does not say."""
+    path = directory / CASE
+    found = read_json(path, "case").get("run") if path.is_file() else None
+    return found if isinstance(found, str) else ""
+
+
+@contextlib.contextmanager
+def offering_the_previous(path: Path, before: bool) -> Iterator[None]:
+    """Where a checkpoint is damaged, say how to go on from the one before it."""
+    try:
+        yield
+    except (CheckpointError, StateError) as error:
+        if before or not previous(path).is_file():
+            raise
+        how = f"particell resume {path.parent} --previous"
+        raise CheckpointError(f"{error}; go on from the one before it with: {how}") from None
 
 
 def _stopped_at_once(directory: Path) -> bool:
@@ -116,8 +180,9 @@ def _stopped_at_once(directory: Path) -> bool:
 def refuse_used_directory(out: str | Path, overwrite: bool) -> None:
     """Refuse an output directory that holds something, unless told to overwrite it."""
     directory = Path(out)
-    # os.path has no exceptions for names that no file can have
-    if os.path.isdir(directory) and any(directory.iterdir()) and not overwrite:
+    if overwrite or not os.path.isdir(directory):  # which has no exceptions, whatever the name
+        return
+    if any(path.name != LOCK for path in directory.iterdir()):
         raise InputError("out", str(out), "a new or empty directory (or give --overwrite)")
 
 

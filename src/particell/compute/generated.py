@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import functools
 import hashlib
 import importlib.util
 import os
@@ -13,13 +14,20 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from platformdirs import user_cache_path
+from particell.compute.cache import place, usable
 
 
 def directory() -> Path:
-    """Where generated modules stand; ``PARTICELL_CACHE_DIR`` overrides the user's cache."""
-    override = os.environ.get("PARTICELL_CACHE_DIR")
-    return (Path(override) if override else user_cache_path("particell")) / "sweeps"
+    """Where generated modules stand; they are run, so it is there where compiled code may be."""
+    return (place() if usable(place()) else _own()) / "sweeps"
+
+
+@functools.cache
+def _own() -> Path:
+    """A directory that this process has to itself, and takes along."""
+    own = tempfile.mkdtemp(prefix="particell-")
+    atexit.register(shutil.rmtree, own, ignore_errors=True)
+    return Path(own)
 
 
 def _kept(file: Path, text: bytes) -> Path:
@@ -31,9 +39,7 @@ def _kept(file: Path, text: bytes) -> Path:
             part.write_bytes(text)
             part.replace(file)  # others may be reading it
     except OSError:
-        own = tempfile.mkdtemp(prefix="particell-")
-        atexit.register(shutil.rmtree, own, ignore_errors=True)
-        file = Path(own) / file.name
+        file = _own() / file.name
         file.write_bytes(text)
     return file
 
@@ -54,9 +60,10 @@ def load(name: str, text: str, functions: dict[str, Any]) -> ModuleType:
         return sys.modules[qualified]
     file = _kept(directory() / f"{name}_{digest}.py", text.encode())
     spec = importlib.util.spec_from_file_location(qualified, file)
-    assert spec is not None and spec.loader is not None
+    assert spec is not None
     module = importlib.util.module_from_spec(spec)
     module.__dict__.update(functions)
     sys.modules[qualified] = module
-    spec.loader.exec_module(module)
+    # not by the loader, which trusts bytecode that it has kept beside the file
+    exec(compile(text, str(file), "exec"), module.__dict__)
     return module

@@ -37,7 +37,7 @@ from numba import njit
 from numba.core import event
 from numba.core.errors import NumbaError
 
-from particell.compute.cache import compiled_here
+from particell.compute.cache import keep
 from particell.compute.simulator import for_simulator, simulating
 from particell.compute.threads import Shared
 from particell.errors import InputError
@@ -221,11 +221,11 @@ def _cpu_loop(loop: Loop, constants: dict[str, Any]) -> Callable[..., None]:
         "fastmath": FASTMATH | {"reassoc"} if loop.reassociate else FASTMATH,
         "error_model": "numpy",
         "nogil": True,
-        "cache": _has_module(loop)
-        and all(hasattr(v, "disk_key") for v in constants.values() if callable(v)),
     }
-    with compiled_here(loop.body.__code__.co_filename):
-        compiled = njit(**options)(cpu_python(loop, constants))
+    compiled = njit(**options)(cpu_python(loop, constants))
+    keyed = all(hasattr(v, "disk_key") for v in constants.values() if callable(v))
+    if _has_module(loop) and keyed:
+        keep(compiled, loop.body.__code__.co_filename)
     return _timed_first_call(compiled, loop.vectorise)
 
 
@@ -361,5 +361,6 @@ def _cuda_loop(loop: Loop, constants: dict[str, Any]) -> Callable[..., None]:
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile a serial host function (sorting, prefix sums), cached on disk like the loops."""
-    with compiled_here(function.__code__.co_filename):
-        return njit(fastmath=FASTMATH, error_model="numpy", nogil=True, cache=True)(function)
+    made = njit(fastmath=FASTMATH, error_model="numpy", nogil=True)(function)
+    keep(made, function.__code__.co_filename)
+    return made

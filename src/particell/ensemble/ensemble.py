@@ -30,6 +30,7 @@ from particell.ensemble.results import EnsembleRun
 from particell.errors import InputError, ParticellError
 from particell.observers import stop_requests
 from particell.output.files import plain, prepare_directory, read_json, write_json
+from particell.output.ownership import LOCK, owned
 from particell.output.run import OWN_FILES
 from particell.recipe import FunctionRecipe, Recipe
 
@@ -195,8 +196,10 @@ class Ensemble:
             width = min(processes or pool.default_processes(), max(len(tasks), 1))
             if tasks:
                 prepare(self.job, tasks[0][1], compile_loops=width > 1 or client is not None)
-            self._claim(directory, overwrite, processes)
-            stopped = self._run(tasks, width, client, progress, directory)
+            with owned(prepare_directory(directory)):
+                self._refuse_other(directory, overwrite)
+                self._claim(directory, overwrite, processes)
+                stopped = self._run(tasks, width, client, progress, directory)
         result = EnsembleRun(directory)
         if out is None and not stopped:
             weakref.finalize(result, shutil.rmtree, directory, ignore_errors=True)
@@ -246,7 +249,9 @@ class Ensemble:
         return plain({"description": self.job.identity(), "seed": self.seed})
 
     def _refuse_other(self, directory: Path, overwrite: bool) -> None:
-        if overwrite or not directory.is_dir() or not any(directory.iterdir()):
+        if overwrite or not directory.is_dir():
+            return
+        if all(path.name == LOCK for path in directory.iterdir()):
             return
         if (directory / ENSEMBLE).is_file():
             found = recorded(directory)

@@ -30,15 +30,18 @@ _PACKAGE = Path(__file__).resolve().parent.parent
 _INSTALLED = (_PACKAGE, *(Path(sysconfig.get_paths()[k]) for k in ("stdlib", "purelib")))
 
 
-def digest(value: Any, what: str) -> str:
+def digest(value: Any, what: str, lenient: bool = False) -> str:
     """A digest of a value; ``what`` names it where it cannot be had.
+
+    ``lenient`` takes of what may change by itself (lists, tables, sets and objects that functions
+    refer to) the type alone: what a script collects into is no part of what it describes.
 
     Raises
     ------
     InputError
         Where a part is neither data nor code.
     """
-    return _Digest(what).of(value)
+    return _Digest(what, lenient).of(value)
 
 
 def is_own(function: Any) -> bool:
@@ -50,8 +53,10 @@ def is_own(function: Any) -> bool:
     return not any(file.is_relative_to(place) for place in _INSTALLED)
 
 
-def described(law: Any) -> str:
+def described(law: Any, lenient: bool = False) -> str:
     """A law as text: its class, its values, and the digest of its methods' code.
+
+    ``lenient`` is as for :func:`digest`.
 
     Raises
     ------
@@ -64,7 +69,7 @@ def described(law: Any) -> str:
         if isinstance(value, _PLAIN):
             parts.append(f"{name}={value!r}")
         else:
-            shown = f"{type(value).__name__} {digest(value, f'{name} of {kind.__name__}')}"
+            shown = f"{type(value).__name__} {digest(value, f'{name} of {kind.__name__}', lenient)}"
             parts.append(f"{name}=<{shown}>")
     methods = {
         f"{number} {name}": function
@@ -73,7 +78,7 @@ def described(law: Any) -> str:
         if is_own(function)
     }
     if methods:
-        parts.append(f"code {digest(methods, kind.__name__)}")
+        parts.append(f"code {_Digest(kind.__name__, lenient).of(sorted(methods.items()), True)}")
     return f"{kind.__qualname__}({', '.join(parts)})"
 
 
@@ -87,14 +92,31 @@ def scheme_text(scheme: Any) -> str:
 
 
 class _Digest:
-    def __init__(self, what: str):
-        self.what = what
+    def __init__(self, what: str, lenient: bool = False):
+        self.what, self.lenient = what, lenient
         self.hash = hashlib.sha256()
         self.seen: dict[int, Any] = {}
 
-    def of(self, value: Any) -> str:
-        self.feed(value)
+    def of(self, value: Any, whole: bool = False) -> str:
+        """The digest; ``whole`` goes into a list that is ours."""
+        if whole:
+            for item in value:
+                self.feed(item)
+        else:
+            self.feed(value)
         return self.hash.hexdigest()[:LENGTH]
+
+    def _changes(self, value: Any) -> bool:
+        """Whether a value is of a kind that collects, or is an object with a life of its own."""
+        if isinstance(value, list | set | Mapping):
+            return True
+        known = tuple | frozenset | functools.partial | types.MethodType | Enum | np.ufunc
+        code = type | types.ModuleType | types.BuiltinFunctionType | np.dtype
+        return not (
+            isinstance(value, known | code)
+            or hasattr(value, "__code__")
+            or hasattr(value, "py_func")
+        )
 
     def put(self, *texts: object) -> None:
         for text in texts:
@@ -115,12 +137,14 @@ class _Digest:
 
     def _feed_whole(self, value: Any) -> None:
         self.put(type(value).__name__)
+        if self.lenient and self._changes(value):
+            return
         if isinstance(value, tuple | list):
             self.put(len(value))
             for item in value:
                 self.feed(item)
         elif isinstance(value, set | frozenset):
-            self.put(*sorted(digest(item, self.what) for item in value))
+            self.put(*sorted(digest(item, self.what, self.lenient) for item in value))
         elif isinstance(value, Mapping):
             for key in sorted(value, key=repr):
                 self.feed(key)

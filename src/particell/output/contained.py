@@ -44,6 +44,25 @@ def check_contained(file: h5py.File) -> None:
             _check_dataset(_text(name), item.get_create_plist())
 
 
+def check_no_links(file: h5py.File) -> None:
+    """Refuse soft links, which may lead in circles.
+
+    Raises
+    ------
+    ForeignPart
+        Naming the link.
+    """
+    found: list[bytes] = []
+
+    def look_at_link(name: bytes, link: h5py.h5l.LinkInfo) -> None:
+        if link.type != h5py.h5l.TYPE_HARD:
+            found.append(name)
+
+    file.id.links.visit(look_at_link, info=True)
+    if found:
+        raise ForeignPart(f"'{_text(found[0])}' is a link and no part of its own")
+
+
 def _check_dataset(name: str, layout: h5py.h5p.PropDCID) -> None:
     if layout.get_layout() == h5py.h5d.VIRTUAL:
         raise ForeignPart(f"'{name}' is put together of parts of other files")

@@ -60,7 +60,8 @@ def reserve(path: str | Path, size: int, begin: int = 0) -> None:
         return
     room = path.with_name(f".{path.stem}.room")
     try:
-        handle = os.open(room, os.O_WRONLY | os.O_CREAT)
+        create_anew(room)
+        handle = os.open(room, os.O_WRONLY | getattr(os, "O_NOFOLLOW", 0))
         try:
             os.posix_fallocate(handle, begin, size)
         finally:
@@ -70,6 +71,16 @@ def reserve(path: str | Path, size: int, begin: int = 0) -> None:
         if error.errno in (errno.EOPNOTSUPP, errno.ENOSYS, errno.EINVAL):
             return  # a file system without such a call
         raise OutputError(f"cannot write {path}: {reason(error)}") from error
+
+
+def create_anew(path: Path) -> None:
+    """Make an empty file; what stood there is removed, and a link is not followed.
+
+    A name that is known beforehand may be a link to a file that is precious.
+    """
+    path.unlink(missing_ok=True)
+    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_NOFOLLOW", 0)
+    os.close(os.open(path, flags, 0o666))
 
 
 def sync_directory(directory: Path) -> None:
@@ -122,6 +133,7 @@ def replacing(path: str | Path) -> Iterator[Path]:
     # suffix stays last, as some libraries go by it.
     partial = path.with_name(f".{path.stem}.partial{path.suffix}")
     try:
+        create_anew(partial)
         yield partial
         with open(partial, "rb+") as handle:
             os.fsync(handle.fileno())

@@ -26,10 +26,12 @@ if TYPE_CHECKING:
 
 TRAJECTORY = "run.h5"
 CHECKPOINT = "checkpoint.h5"
+PREVIOUS = "checkpoint-previous.h5"
 SUMMARY = "summary.json"
 CASE = "case.json"
+STATUS = "status.json"
 #: What a run leaves, figures apart.
-OWN_FILES = (TRAJECTORY, CHECKPOINT, SUMMARY, CASE)
+OWN_FILES = (TRAJECTORY, CHECKPOINT, PREVIOUS, SUMMARY, CASE, STATUS)
 
 
 class Run(Recorded):

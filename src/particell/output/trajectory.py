@@ -35,6 +35,7 @@ from particell.output.h5md import (
     element_names,
     extend,
     open_trajectory,
+    text,
     write_box,
     write_header,
     write_points,
@@ -65,6 +66,8 @@ class TrajectoryWriter:
         Of fields that have none by their names.
     points
         Where time averages are taken, by name.
+    identity
+        Attributes that tell which run it is.
     """
 
     def __init__(
@@ -77,8 +80,10 @@ class TrajectoryWriter:
         parameters: str = "{}",
         points: Mapping[str, np.ndarray] | None = None,
         units: Mapping[str, str] | None = None,
+        identity: Mapping[str, Any] | None = None,
     ):
         self.path, self._units = Path(path), dict(units or {})
+        self._identity = dict(identity or {})
         self._header = (domain, dict(static), list(groups), author, parameters, dict(points or {}))
         self._file: h5py.File | None = None
         self._frames = 0
@@ -145,7 +150,9 @@ class TrajectoryWriter:
         self.close()
 
     @classmethod
-    def resume(cls, path: str | Path, step: int) -> TrajectoryWriter:
+    def resume(
+        cls, path: str | Path, step: int, run: Mapping[str, Any] | None = None
+    ) -> TrajectoryWriter:
         """Re-open a trajectory and drop the frames after a step.
 
         Parameters
@@ -154,6 +161,9 @@ class TrajectoryWriter:
             The file, closed properly or left by a killed process.
         step
             The last step to keep.
+        run
+            The run that it has to be of (``id`` and ``seed``), the ``frames`` that it has to have
+            and the ``step`` of the last of these.
 
         Raises
         ------
@@ -171,6 +181,8 @@ class TrajectoryWriter:
                 )
             if not keep:
                 raise InputError("trajectory", str(path), f"a file with a frame up to step {step}")
+            if run is not None:
+                _check_run(path, source, keep, run)
             writer = cls.__new__(cls)
             writer.path, writer._file, writer._frames = path, None, keep
             reserve(path, path.stat().st_size + SLACK)
@@ -205,6 +217,7 @@ class TrajectoryWriter:
         # In SWMR mode nothing can be created, so everything is before it starts.
         with self._replacing() as file:
             write_header(file, author, parameters)
+            file["parameters"].attrs.update(self._identity)
             particles = file.create_group(PARTICLES)
             write_static(particles, static, groups)
             clock = write_position(particles, np.asarray(frame["position"]))
@@ -277,3 +290,31 @@ class TrajectoryWriter:
         extend(particles["position/step"], k, step)  # last: this makes the frame count
         file.flush()
         self._frames = k + 1
+
+
+def run_id(path: str | Path) -> str:
+    """Which run a trajectory is of; nothing where it does not say.
+
+    Raises
+    ------
+    InputError
+        Where it cannot be read.
+    """
+    with open_trajectory(path) as file:
+        found = file["parameters"].attrs.get("run_id", "") if "parameters" in file else ""
+    return text(found)
+
+
+def _check_run(path: Path, file: h5py.File, keep: int, run: Mapping[str, Any]) -> None:
+    """Refuse the trajectory of another run, or one that does not reach up to the checkpoint."""
+    found = file["parameters"].attrs if "parameters" in file else {}
+    if text(found.get("run_id")) != run["id"] or found.get("seed") != run["seed"]:
+        allowed = "of the same run as the checkpoint: it is of another one"
+        raise InputError("trajectory", str(path), allowed)
+    steps = file[f"{PARTICLES}/position/step"][:keep]
+    if keep != run["frames"] or int(steps[-1]) != run["step"]:
+        allowed = (
+            f"as the checkpoint knows it, with {run['frames']} frames up to step {run['step']}; "
+            f"it has {keep} up to step {int(steps[-1])}: an older copy, perhaps"
+        )
+        raise InputError("trajectory", str(path), allowed)

@@ -1,0 +1,364 @@
+"""Whose a directory is, which run its files belong to, and what a run that goes on may change."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import threading
+
+import h5py
+import numpy as np
+import pytest
+
+import particell as pc
+from particell import observers
+from particell.boundaries.sponge import Sponge
+from particell.cli import call
+from particell.errors import InputError
+from particell.output.checkpoint import read_checkpoint
+from particell.output.ownership import LOCK, owned, owner
+from particell.status import read_status
+from systems import same_bits, unit_fluid
+
+HOLD = """
+import sys
+from particell.output.ownership import owned
+with owned(sys.argv[1]):
+    print("ready", flush=True)
+    sys.stdin.read()
+"""
+
+
+@pytest.fixture
+def held(tmp_path):
+    """A directory that another process has."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", HOLD, str(tmp_path)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout.readline() == "ready\n"
+    yield tmp_path, process
+    process.kill()
+    process.communicate()
+
+
+def line(seed: int = 1, **options) -> pc.Simulation:
+    """Molecules and a concentration on particles at rest."""
+    box = pc.Domain((0,), (10,), "x", depth=1.0)
+    species = [pc.Species("M", 0.1, molecules=True), pc.Species("C", 0.1)]
+    given = {"reactions": [pc.Reaction("M -> 0", 0.5)], **options}
+    made = pc.Simulation(
+        box, pc.fluid(box, unit_fluid(), 1.0), pc.Static(), species, seed=seed, dt=0.01, **given
+    )
+    made.chemistry.set_count("M", 30)
+    return made
+
+
+def run(simulation: pc.Simulation, until: float, out, every: float | None = 0.1, **options):
+    return simulation.run(until, every, out, progress=False, **options)
+
+
+def restored(place, **options) -> pc.Simulation:
+    made = line(**options)
+    made.restore(read_checkpoint(place / "checkpoint.h5")[0])
+    return made
+
+
+def test_a_directory_belongs_to_one_process(held):
+    place, process = held
+    assert owner(place) == f"process {process.pid}"
+    with pytest.raises(InputError, match=f"nobody else runs in \\(process {process.pid} does\\)"):
+        run(line(), 0.2, place)
+    assert os.listdir(place) == [LOCK]
+    process.kill()  # the lock dies with it, though its file stays
+    process.wait()
+    assert owner(place) is None and os.listdir(place) == [LOCK]
+    run(line(), 0.2, place)
+    assert LOCK not in os.listdir(place)
+
+
+def test_a_run_and_an_ensemble_keep_others_out(tmp_path, monkeypatch):
+    """While they run, from within; who only reads is let in."""
+    place, seen = tmp_path / "one", []
+
+    def look(time, observables) -> bool:
+        error = []
+
+        def other() -> None:
+            try:
+                with owned(place):
+                    pass
+            except InputError as found:
+                error.append(str(found))
+
+        thread = threading.Thread(target=other)
+        thread.start()
+        thread.join()
+        seen.append((owner(place), error[0], len(pc.Run(place)), read_status(place)["state"]))
+        return False
+
+    run(line(), 0.2, place, stop=look)
+    assert len(seen) == 2
+    pid, error, frames, state = seen[-1]
+    assert pid == f"process {os.getpid()}" and pid in error and "another thread" in error
+    assert frames == 3 and state == "running"
+    ensemble = pc.Ensemble(line, 2, until=0.1)
+    with owned(tmp_path / "one"):
+        pass  # free again
+    thread = threading.Thread(target=lambda: seen.append(_refused(ensemble, tmp_path / "many")))
+    (tmp_path / "many").mkdir()
+    with owned(tmp_path / "many"):
+        thread.start()
+        thread.join()
+    assert "nobody else runs in" in seen[-1]
+
+
+def _refused(ensemble: pc.Ensemble, place) -> str:
+    try:
+        ensemble.run(place, processes=1, progress=False)
+    except InputError as error:
+        return str(error)
+    return ""
+
+
+def test_the_command_line_names_the_owner(held, capsys):
+    place, process = held
+    (place / "case.json").write_text("{}")
+    (place / "my.toml").write_text('case = "diffusion-1d"\n')
+    assert call(["run", str(place / "my.toml"), "--out", str(place), "--overwrite"]) == 2
+    error = capsys.readouterr().err
+    assert f"process {process.pid}" in error and str(place) in error and error.count("\n") == 1
+
+
+def test_a_trajectory_belongs_to_its_run(tmp_path):
+    """An older copy, and another realisation, are refused and not glued on."""
+    place, other = tmp_path / "one", tmp_path / "other"
+    run(line(), 0.2, place)
+    shutil.copy(place / "run.h5", tmp_path / "older.h5")
+    run(restored(place), 0.4, place)
+    run(line(), 0.4, other)
+    run(line(seed=2), 0.4, tmp_path / "third")
+    whole = (place / "run.h5").read_bytes()
+    for path, words in (
+        (tmp_path / "older.h5", "an older copy"),
+        (other / "run.h5", "another run in it"),
+        (tmp_path / "third" / "run.h5", "another run in it"),
+    ):
+        shutil.copy(path, place / "run.h5")
+        with pytest.raises(InputError, match=words):
+            run(restored(place), 0.6, place)
+        assert (place / "run.h5").read_bytes() == path.read_bytes()
+    (place / "run.h5").write_bytes(whole)
+    assert len(run(restored(place), 0.6, place)) == 7
+
+
+def test_a_run_that_has_ended_is_made_longer(tmp_path):
+    """To the same bits as in one piece, in a new process or the same."""
+    run(line(), 0.6, tmp_path / "whole")
+    whole = read_checkpoint(tmp_path / "whole" / "checkpoint.h5")[0]
+    run(line(), 0.3, tmp_path / "parts")
+    run(restored(tmp_path / "parts"), 0.5, tmp_path / "parts", None)
+    last = restored(tmp_path / "parts")
+    assert np.allclose(run(last, 0.6, tmp_path / "parts", None).times, np.arange(7) / 10)
+    simulation = line()
+    run(simulation, 0.3, tmp_path / "same")
+    assert len(run(simulation, 0.6, tmp_path / "same")) == 7
+    for place in ("parts", "same"):
+        state = read_checkpoint(tmp_path / place / "checkpoint.h5")[0]
+        for name, values in whole["fields"].items():
+            assert np.array_equal(values, state["fields"][name]), name
+        with (
+            h5py.File(tmp_path / place / "run.h5") as ours,
+            h5py.File(tmp_path / "whole" / "run.h5") as theirs,
+        ):
+            name = "particles/all/count/M/value"
+            assert np.array_equal(ours[name], theirs[name])
+
+
+def test_other_intervals_and_ends(tmp_path):
+    run(line(), 0.2, tmp_path)
+    found = run(restored(tmp_path), 0.4, tmp_path, 0.05)
+    assert np.allclose(found.times, [0, 0.1, 0.2, 0.25, 0.3, 0.35, 0.4])
+    found = run(restored(tmp_path), 3.4, tmp_path, 1.0)
+    assert np.allclose(found.times[-4:], [0.4, 1.4, 2.4, 3.4])
+    found = run(restored(tmp_path), 3.7, tmp_path, None)  # no whole interval: ten frames
+    assert np.allclose(found.times[-11:], 3.4 + 0.03 * np.arange(11))
+    assert run(restored(tmp_path), 3.7, tmp_path).times[-1] == pytest.approx(3.7)  # is there
+    with pytest.raises(InputError, match="every"):
+        run(restored(tmp_path), 4.0, tmp_path, 0.07)
+
+
+def test_other_intervals_from_between_frames(tmp_path, monkeypatch):
+    """The interval at hand is ended as it was begun."""
+    monkeypatch.setattr(observers, "CHUNK", 3)
+
+    def interrupt(state) -> None:
+        if state.step == 14:
+            raise KeyboardInterrupt
+
+    first = line(operations=[pc.Every(interrupt, steps=1)])
+    with pytest.raises(KeyboardInterrupt):
+        run(first, 0.4, tmp_path, checkpoint_every=0.0)
+    assert read_status(tmp_path)["state"] == "interrupted"
+    again = line(operations=[pc.Every(interrupt, steps=1)])
+    again.restore(read_checkpoint(tmp_path / "checkpoint.h5")[0])
+    assert 10 < again.step < 14
+    again.operations.by_name["interrupt"].function = lambda state: None
+    found = run(again, 0.3, tmp_path, 0.05)
+    assert np.allclose(found.times, [0, 0.1, 0.2, 0.25, 0.3])
+
+
+def test_a_checkpoint_may_go_on_in_another_directory(tmp_path):
+    run(line(), 0.5, tmp_path / "one")
+    found = run(restored(tmp_path / "one"), 1.0, tmp_path / "two")
+    assert np.allclose(found.times, np.arange(5, 11) / 10)
+    one, two = (h5py.File(tmp_path / p / "run.h5")["parameters"].attrs for p in ("one", "two"))
+    assert one["run_id"] != two["run_id"] and one["seed"] == two["seed"] == 1
+    assert len(run(restored(tmp_path / "two"), 1.2, tmp_path / "two")) == 8
+    again = restored(tmp_path / "one")
+    run(again, 3.0, None, None)  # by default a tenth of what is left
+    assert again.time == pytest.approx(3.0)
+
+
+def law(rate: float) -> dict:
+    return {"reactions": [pc.Reaction("C -> 0", rate_law=lambda C, k: rate * C[0])]}
+
+
+CHANGED = {
+    "splitting": {"splitting": "strang"},
+    "normalisation": {"normalise_diffusion": False},
+    "the rate": {"reactions": [pc.Reaction("M -> 0", 0.6)]},
+    "a step": {"dt": 0.02},
+    "a sponge more": {"boundaries": [Sponge(1.0, 4.0, time=0.5, species={"C": 1.0})]},
+    "an operation more": {"operations": [pc.Every(print, steps=3)]},
+    "an observable more": {"observables": {"one": lambda state: 1.0}},
+}
+
+
+@pytest.mark.parametrize("changed", CHANGED.values(), ids=CHANGED)
+def test_a_changed_description_is_refused(changed):
+    state = line().state()
+    line().restore(state)
+    other = _with(changed)
+    with pytest.raises(InputError, match="of the checkpoint"):
+        other.restore(state)
+
+
+def _with(changed) -> pc.Simulation:
+    box = pc.Domain((0,), (10,), "x", depth=1.0)
+    species = [pc.Species("M", 0.1, molecules=True), pc.Species("C", 0.1)]
+    given = {"reactions": [pc.Reaction("M -> 0", 0.5)], "dt": 0.01, **changed}
+    return pc.Simulation(box, pc.fluid(box, unit_fluid(), 1.0), pc.Static(), species, **given)
+
+
+def _sponge(value: float, time: float = 0.5) -> dict:
+    target = lambda x: value + 0 * x[:, 0]  # noqa: E731 - a function that refers to a number
+    return {"boundaries": [Sponge(1.0, 4.0, time=time, species={"C": target})]}
+
+
+def _every(value: float) -> dict:
+    log: list[float] = []
+    return {"operations": [pc.Every(lambda state: log.append(value), steps=3, name="log")]}
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        (_sponge(1.0), _sponge(2.0)),
+        (_sponge(1.0), _sponge(1.0, time=0.6)),
+        (_every(1.0), _every(2.0)),
+        (
+            {"operations": [pc.Every(print, steps=3)]},
+            {"operations": [pc.Every(print, steps=4)]},
+        ),
+        (law(0.5), law(0.6)),
+        (
+            {"observables": {"n": lambda state: 1.0}},
+            {"observables": {"n": lambda state: 2.0}},
+        ),
+    ],
+)
+def test_what_functions_refer_to_is_compared(one, other):
+    first = _with(one)
+    first.advance(4)
+    state = first.state()
+    _with(one).restore(state)  # what a function has collected is no part of it
+    with pytest.raises(InputError, match="of the checkpoint"):
+        _with(other).restore(state)
+
+
+def test_other_averages_are_refused(tmp_path):
+    def mean(at: float, field: str = "concentration/C") -> pc.TimeAverage:
+        return pc.TimeAverage(np.array([[at]]), [field])
+
+    run(line(), 0.2, tmp_path, averages=mean(5.0))
+    for other in (mean(6.0), mean(5.0, "count/M"), ()):
+        with pytest.raises(InputError, match="averages"):
+            run(restored(tmp_path), 0.4, tmp_path, averages=other)
+    assert len(run(restored(tmp_path), 0.4, tmp_path, averages=mean(5.0))) == 5
+
+
+@pytest.mark.parametrize("name", ["a/b", ".", "..", "a\0b", "\n", "x" * 300, ""])
+def test_names_of_averages(name):
+    with pytest.raises(InputError, match="name"):
+        pc.TimeAverage(np.zeros((1, 1)), name=name)
+
+
+def test_resume_until(tmp_path, monkeypatch, capsys):
+    """On the command line: longer, with metrics and figures of the whole; the case says so too."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "my.toml").write_text(
+        """
+[domain]
+lower = [0]
+upper = ["10 um"]
+periodic = "x"
+depth = "1 um"
+[materials.w]
+density = 1000
+viscosity = 1e-3
+[[phases]]
+type = "fluid"
+material = "w"
+spacing = "1 um"
+[scheme]
+type = "Static"
+[[species]]
+name = "A"
+diffusivity = "1 um^2/s"
+[[initial]]
+species = "A"
+concentration = 1
+[run]
+until = 1
+every = 0.5
+"""
+    )
+    assert call(["run", "my.toml", "--out", "one", "--no-progress"]) == 0
+    assert call(["resume", "one", "--until", "2 s", "--no-progress"]) == 0
+    assert np.allclose(pc.Run("one").times, [0, 0.5, 1, 1.5, 2])
+    assert json.loads((tmp_path / "one" / "case.json").read_text())["parameters"]["run"]["until"]
+    assert call(["resume", "one", "--no-progress"]) == 0  # ended: figures and summary again
+    capsys.readouterr()
+    assert call(["info", "one"]) == 0
+    said = capsys.readouterr().out
+    assert said.startswith("one: ended\n") and "t = 2 of 2 s (100.0%), 5 frames" in said
+    assert call(["run", "my.toml", "--out", "two", "--no-progress"]) == 0
+    shutil.copy("two/checkpoint.h5", "one/checkpoint.h5")
+    capsys.readouterr()
+    assert call(["resume", "one", "--until", "3", "--no-progress"]) == 2
+    assert "it is of another one" in capsys.readouterr().err
+
+
+def test_bits_of_a_run_that_went_on_are_those_of_steps(tmp_path):
+    """The chunks in which steps are made are chosen by the clock, and change nothing."""
+    one, two = line(), line()
+    run(one, 0.3, tmp_path)
+    two.plan(0.1)
+    two.advance(one.step)
+    assert same_bits(one, two) == []

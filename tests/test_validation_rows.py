@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from particell.validation import select
 from particell.validation.page import Page
+from particell.validation.rows import GROUPS
 
 
 def test_groups_take_the_rows_of_their_scheme():
@@ -16,6 +17,11 @@ def test_groups_take_the_rows_of_their_scheme():
     assert len(select(["taylor-green", "transport-velocity"], True)) == len(
         select(["transport-velocity"], True)
     ) + sum(row.parameters.get("scheme") is None for row in once)
+
+
+def test_every_row_stands_in_a_group():
+    grouped = select(list(GROUPS), True)
+    assert [row.command for row in select([], True) if row not in grouped] == []
 
 
 def test_a_page_says_what_is_missing(tmp_path):

@@ -50,6 +50,8 @@ def test_poiseuille_on_the_resting_lattice():
         assert found["transient_error"].passed
         expected = 1e-6 if normalise else 1e-3
         assert abs(found["wall_shear_error"].value) < expected
+    assert found["order_shortfall"].passed
+    assert found["order"].value == pytest.approx(2.0, abs=0.1)
 
 
 def test_cubic_spline_at_three_spacings():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from particell.cases.scores import ALARM, normal_scores, poisson_metric
+from particell.cases.scores import ALARM, density_drift, normal_scores, poisson_metric
 
 
 def test_poisson_numbers_pass_and_others_fail():
@@ -45,3 +45,32 @@ def test_one_cell_of_ten_molecules_has_the_stated_alarm():
     """(N - λ)²/λ would have failed at N = 26, which comes 2e-5 of the time."""
     assert poisson_metric([26], [10.0]).passed
     assert not poisson_metric([32], [10.0]).passed
+
+
+class Conserving:
+    """A run whose mean density is off by 0.1 %, and what its scheme says that it put right."""
+
+    def __init__(self, **counts):
+        self.times = np.array([0.0, 4.0])
+        self.counts = counts
+
+    def field(self, _):
+        return np.array([[1000.0, 1000.0, 7.0], [1002.0, 1000.0, 7.0]])
+
+    def group(self, _):
+        return np.array([True, True, False])
+
+    def conservation(self):
+        return self.counts
+
+
+def test_density_drift_counts_what_was_put_right_as_a_rate():
+    """12.5 times the volume over 157 units of time is 1.6 % in each: too much, kept or not."""
+    free = Conserving()
+    found = density_drift(free, free, 1000.0, 1.0)
+    assert list(found) == ["density_drift"]
+    assert found["density_drift"].value == pytest.approx(1e-3)
+    kept = Conserving(**{"volume put right": math.expm1(-0.04)})
+    found = density_drift(kept, kept, 1000.0, 2.0)
+    assert found["volume_put_right_rate"].value == pytest.approx(-0.02)
+    assert found["density_drift"].passed and not found["volume_put_right_rate"].passed

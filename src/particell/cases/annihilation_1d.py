@@ -9,6 +9,10 @@ is, the difference is diffusion alone and known exactly,
 
 with the series of images :math:`s` of :mod:`particell.cases.diffusion_1d`.
 
+**When.** The papers draw five times up to 0.1 L²/κ and print errors of the steady state (their
+t = 100 s is 10 L²/κ). A run up to :data:`STEADY` is compared with it: what is left of the start is
+3e-7 then.
+
 **Which Da the papers' numbers belong to.** They print k = 0.1 and C₀ = 1e4 molecules a particle in
 molecules/m³, 1.6e5, 3.2e5 and 6.4e5 on their three grids. Taken at its word that is Da = 1.6e5,
 3.2e5 and 6.4e5: another problem on each grid. Their scripts have a tenth of that; and if
@@ -20,8 +24,10 @@ realisations are independent slabs in a row, far enough from each other for the 
 
 References
 ----------
-Jacob, thesis, UCSB 2020 (the case and the printed errors, means of 100 realisations). Reference
-profiles: ``data/annihilation_Da*.csv`` (ours), and for other Da :func:`reference_profiles`.
+Drawert, Jacob, Li, Yi & Petzold, J. Comput. Phys. 378 (2019) 1, table 1 (the case and the printed
+errors, means of 100 realisations; table 2.3 of Jacob, thesis, UCSB 2020, is the same). Reference
+profiles: ``data/annihilation_Da*.csv`` (ours), and for other Da :func:`reference_profiles`; of the
+steady state :func:`steady_profile`.
 """
 
 from __future__ import annotations
@@ -33,7 +39,7 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
-from scipy.integrate import solve_ivp
+from scipy.integrate import solve_bvp, solve_ivp
 from scipy.sparse import diags, eye, kron
 
 from particell import plots
@@ -54,12 +60,14 @@ from particell.phases import Phase
 from particell.schemes.static import Static
 from particell.simulation import Simulation
 
-#: The papers' ε of concentrations and of molecules by resolution.
-PAPER = {16: (1.9e-4, 7.3e-4), 32: (1.7e-4, 5.3e-4), 64: (2.3e-4, 6.6e-4)}
+#: The papers' ε of concentrations and of molecules by resolution, at the steady state.
+PAPER = {16: (1.856e-4, 7.285e-4), 32: (1.698e-4, 5.334e-4), 64: (2.325e-4, 6.644e-4)}
 #: The Damköhler numbers with committed profiles.
 COMMITTED = (1, 16_000, 32_000, 64_000, 160_000, 320_000, 640_000)
-#: Times that are looked at, 10 κt/L².
-TIMES = (0.2, 0.4, 0.6, 0.8, 1.0)
+#: Times that are looked at, 10 κt/L², and their unit in L²/κ.
+TIMES, UNIT = (0.2, 0.4, 0.6, 0.8, 1.0), 0.1
+#: From this κt/L² on the state is steady: of the slowest mode exp(-π² 1.5) = 3.7e-7 is left.
+STEADY = 1.5
 WATER = Fluid(density=1000.0, viscosity=1e-3)
 
 
@@ -87,7 +95,7 @@ def reference_profiles(damkohler: float, points: int = 512) -> dict[str, np.ndar
         a, b = diags(damkohler * c[:inner]), diags(damkohler * c[inner:])
         return (both - kron([[1, 0], [1, 0]], b) - kron([[0, 1], [0, 1]], a)).tocsc()
 
-    fourier = 0.1 * np.array(TIMES)
+    fourier = UNIT * np.array(TIMES)
     start = np.zeros(2 * inner)
     options = {"method": "BDF", "rtol": 1e-7, "atol": 1e-9, "jac": jacobian}
     solved = solve_ivp(slope, (0, fourier[-1]), start, t_eval=fourier, **options).y
@@ -97,6 +105,30 @@ def reference_profiles(damkohler: float, points: int = 512) -> dict[str, np.ndar
         table[f"A_t{t}"] = np.concatenate([[1], a, [0]])
         table[f"B_t{t}"] = np.concatenate([[0], b, [1]])
     return table
+
+
+def steady_profile(damkohler: float, x: np.ndarray) -> np.ndarray:
+    """C/C₀ of A and B, (2, n), in the steady state at places x/L (n,).
+
+    a'' = Da a b with a - b = 1 - 2x, and so b = a - 1 + 2x.
+    """
+    # what is asymptotic at large Da: both are straight but for a layer of Da^(-1/3)
+    width = max(damkohler, 1.0) ** (-1 / 3)
+    fine = 0.5 + np.concatenate([-(part := np.geomspace(1e-3 * width, 0.5, 400))[::-1], [0], part])
+    straight = 0.5 - fine
+    guess = straight + np.sqrt(straight**2 + width**2)
+    found = solve_bvp(
+        lambda x, y: np.stack([y[1], damkohler * y[0] * (y[0] - 1 + 2 * x)]),
+        lambda left, right: np.array([left[0] - 1, right[0]]),
+        fine,
+        np.stack([guess, np.gradient(guess, fine)]),
+        tol=1e-8,
+        max_nodes=200_000,
+    )
+    if not found.success:
+        raise ArithmeticError(f"no steady state for Da = {damkohler:g}: {found.message}")
+    a = found.sol(x)[0]
+    return np.stack([a, a - 1 + 2 * x])
 
 
 class Repeated(Shape):
@@ -118,9 +150,9 @@ class Annihilation1D(Case):
     reference: ClassVar[str] = "finite differences with Richardson extrapolation; exact difference"
     # the last three are the printed parameters taken at their word
     full: ClassVar[Sequence[Mapping[str, Any]]] = [
-        {"resolution": n, "damkohler": da or 1e4 * n, "realisations": 100}
+        {"resolution": n, "damkohler": da or 1e4 * n, "realisations": 100, "end": 1.5, "steps": m}
         for da in (1.0, 1.6e4, None)
-        for n in (16, 32, 64)
+        for n, m in ((16, 1000), (32, 1000), (64, 2500))
     ]
 
     damkohler: Annotated[float, Field(ge=0, le=1e7)] = 1.0
@@ -140,17 +172,29 @@ class Annihilation1D(Case):
     normalise: bool = True
     """Whether to divide by the kernel sum."""
     steps: Annotated[int, Field(ge=100, le=10**6)] = 4000
-    """Number of time steps."""
+    """Number of time steps in 0.1 L²/κ."""
+    end: Annotated[float, Field(ge=0.1, le=10)] = 0.1
+    """End of the run in units of L²/κ; from 1.5 on it is the steady state."""
+
+    @property
+    def unit(self) -> float:
+        """0.1 L²/κ in s: the last of the papers' five times."""
+        return UNIT * self.length**2 / self.diffusivity
 
     @property
     def until(self) -> float:
-        """End of the run in s: 0.1 L²/κ."""
-        return 0.1 * self.length**2 / self.diffusivity
+        """End of the run in s."""
+        return self.end / UNIT * self.unit
 
     @property
     def every(self) -> float:
-        """Time between frames in s."""
-        return self.until / 20
+        """Time between frames in s: a twentieth of the five times, or a fifth of a long run's."""
+        return self.until / round(self.end / UNIT * (20 if self.end < STEADY else 5))
+
+    @property
+    def dt(self) -> float:
+        """Time step in s."""
+        return self.unit / self.steps
 
     @property
     def spacing(self) -> float:
@@ -180,8 +224,8 @@ class Annihilation1D(Case):
     def build(self, context: Context) -> Simulation:
         """The slabs, empty, between their walls."""
         limit = 0.17 * self.spacing**2 / self.diffusivity
-        if self.until / self.steps > limit:
-            raise InputError("steps", self.steps, f"at least {math.ceil(self.until / limit)}")
+        if self.dt > limit:
+            raise InputError("steps", self.steps, f"at least {math.ceil(self.unit / limit)}")
         species, boundaries = [], []
         for suffix in ("", "_molecules"):
             # concentrations once; they are the same in every slab
@@ -204,7 +248,7 @@ class Annihilation1D(Case):
             ],
             boundaries,
             seed=context.seed,
-            dt=self.until / self.steps,
+            dt=self.dt,
             device=context.device,
             normalise_diffusion=self.normalise,
         )
@@ -259,29 +303,22 @@ class Annihilation1D(Case):
         return np.array([np.interp(self.x, table["x"], table[f"{s}_t{t}"]) for s in "AB"])
 
     def analyse(self, run: Run, simulation: Simulation) -> dict[str, Metric]:
-        """Errors at the end and before, the exact difference, the molecules' mean."""
-        table, last = self.table(), len(run) - 1
+        """Errors at five times and in the steady state, exact difference, the molecules' mean."""
+        last = len(run) - 1
         values, counted = self.profiles(run, last)
-        expected, mean = self.expected(table, TIMES[-1]), counted.mean(axis=1)
-        # the papers' C₀ is 1e4 molecules per volume of a particle, and k = κ = 0.1
-        printed = math.isclose(self.damkohler, 1e4 * self.resolution)
-        paper = PAPER.get(self.resolution, (None, None)) if printed else (None, None)
-        limits = PAPER.get(self.resolution, (None, None))
-        found = {
-            "eps": Metric(epsilon_error(values[0], expected[0], 1.0), paper[0], limits[0]),
-            "eps_molecules": Metric(epsilon_error(mean[0], expected[0], 1.0), paper[1], limits[1]),
-            "l2_end": Metric(relative_l2(values, expected), limit=1e-2),
-        }
-        errors = []
-        for t in TIMES[:-1]:
-            frame = run.at(t * self.until)
-            errors.append(relative_l2(self.profiles(run, frame)[0], self.expected(table, t)))
-        found["l2_before"] = Metric(max(errors))
-        exact = slab(self.x, 0.1) - slab(1 - self.x, 0.1)
+        mean = counted.mean(axis=1)
+        found = self.steady_errors(values, mean)
+        table = self.table()
+        for t in TIMES:
+            now, _ = self.profiles(run, run.at(t * self.unit))
+            found[f"l2_t{t:g}"] = Metric(relative_l2(now, self.expected(table, t)), limit=1e-2)
+        fourier = self.end
+        exact = slab(self.x, fourier) - slab(1 - self.x, fourier)
         found["difference_l2"] = Metric(relative_l2(values[0] - values[1], exact), limit=5e-3)
         # Without reaction A - B is a difference of independent Poisson numbers. A pair that
         # annihilates leaves its mean as it is and takes away variance: the chi-square is less.
-        poisson = (slab(self.x, 0.1) + slab(1 - self.x, 0.1)) / (self.molecules * self.realisations)
+        both = slab(self.x, fourier) + slab(1 - self.x, fourier)
+        poisson = both / (self.molecules * self.realisations)
         scores = (mean[0] - mean[1] - (values[0] - values[1])) ** 2 / poisson
         found["difference_molecules_chi2"] = chi_square_metric(float(scores.sum()), scores.size)
         scatter = counted[0].std(axis=0, ddof=1) * math.sqrt(self.molecules)
@@ -291,6 +328,21 @@ class Annihilation1D(Case):
         found["molecules_bias"] = Metric(float(bias), limit=1e-2)
         drift = simulation.conservation()
         found["drift"] = Metric(max(abs(v) for k, v in drift.items() if "amount" in k), limit=1e-10)
+        return found
+
+    def steady_errors(self, values: np.ndarray, mean: np.ndarray) -> dict[str, Metric]:
+        """The papers' ε and the relative error, where the run reaches the steady state."""
+        if self.end < STEADY:
+            return {}
+        expected = steady_profile(self.damkohler, self.x)
+        limits = PAPER.get(self.resolution, (None, None))
+        # the papers' C₀ is 1e4 molecules per volume of a particle, and k = κ = 0.1
+        printed = math.isclose(self.damkohler, 1e4 * self.resolution)
+        found = {}
+        for name, profile, limit in zip(("", "_molecules"), (values, mean), limits, strict=True):
+            error = epsilon_error(profile[0], expected[0], 1.0)
+            found[f"eps{name}"] = Metric(error, limit if printed else None, limit)
+        found["l2_steady"] = Metric(relative_l2(values, expected), limit=1e-2)
         return found
 
     def figures(self, run: Run, directory: Path) -> list[Path]:
@@ -303,7 +355,7 @@ class Annihilation1D(Case):
         figure, axes = plots.new_figure(5.2, 3.4)
         table = self.table()
         for k, t in enumerate((0.2, 0.4, 1.0)):
-            values, counted = self.profiles(run, run.at(t * self.until))
+            values, counted = self.profiles(run, run.at(t * self.unit))
             for s in range(2):
                 first = k == s == 0
                 axes.plot(
@@ -311,7 +363,7 @@ class Annihilation1D(Case):
                     label="reference" if first else None,
                 )  # fmt: skip
                 colour = plots.COLOURS[k]
-                label = f"{t * self.until:.3g} s" if s == 0 else None
+                label = f"{t * self.unit:.3g} s" if s == 0 else None
                 axes.plot(self.x, values[s], "o", color=colour, mfc="none", mew=0.8, label=label)
                 axes.plot(self.x, counted[s].mean(axis=0), "x", color=colour, ms=3.5, mew=0.8)
         axes.plot([], [], "o", color="0.4", mfc="none", label="concentrations")
@@ -325,13 +377,13 @@ class Annihilation1D(Case):
         figure, axes = plots.new_figure()
         fine = np.linspace(0, 1, 401)
         for k, t in enumerate((0.2, 0.4, 1.0)):
-            values, counted = self.profiles(run, run.at(t * self.until))
-            exact = slab(fine, 0.1 * t) - slab(1 - fine, 0.1 * t)
+            values, counted = self.profiles(run, run.at(t * self.unit))
+            exact = slab(fine, UNIT * t) - slab(1 - fine, UNIT * t)
             axes.plot(fine, exact, "k-", lw=0.8, label=None if k else "exact")
             colour = plots.COLOURS[k]
             axes.plot(self.x, values[0] - values[1], "o", color=colour, mfc="none", mew=0.8)
             mean = counted.mean(axis=1)
-            label = f"{t * self.until:.3g} s"
+            label = f"{t * self.unit:.3g} s"
             axes.plot(self.x, mean[0] - mean[1], "x", color=colour, ms=3.5, label=label)
         axes.set(xlabel="x / L", ylabel="(C of A − C of B) / C₀", xlim=(0, 1))
         axes.legend()

@@ -239,7 +239,7 @@ class ChannelFlow(Case):
             "transient_error": Metric(
                 float(single[starting].max(initial=0.0)), limit=self.transient_limit()
             ),
-            "density_drift": density_drift(run, simulation, self.density),
+            **density_drift(run, simulation, self.density, self.height / self.scale),
         }
         counts = simulation.conservation()
         if "inside walls" in counts:

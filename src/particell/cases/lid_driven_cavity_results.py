@@ -192,7 +192,7 @@ def metrics(case: Cavity, run: Run, simulation: Simulation) -> dict[str, Metric]
     found["largest_void"] = Metric(even.void, limit=VOID_LIMIT)
     found["crowding"] = Metric(crowding(case, run), limit=1 / CLOSEST_LIMIT)
     found |= outliers(case, run)
-    found["density_drift"] = density_drift(run, simulation, case.density)
+    found |= density_drift(run, simulation, case.density, case.every)
     counts = simulation.conservation()
     if "inside walls" in counts:
         found["inside_walls"] = Metric(counts["inside walls"], limit=0.0)

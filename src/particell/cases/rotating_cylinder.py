@@ -254,7 +254,7 @@ class RotatingCylinder(Case):
             "pressure_error": Metric(error("pressure")),
             "largest_void": Metric(even.void, limit=VOID_LIMIT),
             "crowding": Metric(1 / even.closest, limit=1 / CLOSEST_LIMIT),
-            "density_drift": density_drift(run, simulation, self.density),
+            **density_drift(run, simulation, self.density, self.gap / self.speed),
             "inside_walls": Metric(counts["inside walls"], limit=0.0),
             "bounces": Metric(counts["bounces"]),
         }

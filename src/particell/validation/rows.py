@@ -20,6 +20,9 @@ GROUPS = {
         "equilibrium-2d",
         "equilibrium-3d",
         "thermal-modes",
+        "effective-diffusivity",
+        "drag-array",
+        "taylor-green",
     ),
     "stochastic": ("birth-death", "isomerisation", "turing", "min-oscillation"),
     "transport-velocity": (

@@ -48,6 +48,7 @@ FINE, COARSE = (1.0, 0.0025), (2.0, 0.005)  # mesh size factor, time step / t0
 TIMES = (0.5, 1.0, 1.5, 2.0)
 THETA = np.arange(0.0, 360.0, 3.0)
 ACROSS_X = (0.1, 0.5, 1.0, 1.5)
+CELLS = 40  # of the map, across the channel; its points are their middles
 
 
 def element_size(x, y, factor):
@@ -219,6 +220,8 @@ def tabulate(basis, ux, kept, series):
     line[outside, 1:] = probe(basis, np.array([xs, np.full(xs.size, 0.5)])[:, outside]) @ (
         np.column_stack([ligand for ligand, _ in kept.values()] + [ux])
     )
+    xm, ym = ((np.arange(n) + 0.5) / CELLS for n in (round(ASPECT * CELLS), CELLS))
+    grid = np.array(np.meshgrid(xm, ym)).reshape(2, -1)
     fields = [bound for _, bound in kept.values()] + [kept[1.0][0], kept[2.0][0]]
     return {
         "centreline": line,
@@ -229,6 +232,7 @@ def tabulate(basis, ux, kept, series):
             [THETA] + [(ringed @ field).reshape(THETA.size, -1) @ weight for field in fields]
         ),
         "mean": np.array(series),
+        "map": np.column_stack([ym, (probe(basis, grid) @ kept[2.0][0]).reshape(CELLS, -1)]),
     }
 
 
@@ -342,6 +346,10 @@ TABLES = {  # title and columns
     "mean": (
         "Mean RL over the membrane (mol/m^3); free ligand in fluid and membrane (mol/m)",
         "t_star,RL_mean,L_total",
+    ),
+    "map": (
+        "L (mol/m^3) at t_star = 2; columns: x_star = x/H in thousandths",
+        ",".join(["y_star", *(f"L_x{(2 * k + 1) * 500 / CELLS:g}" for k in range(2 * CELLS))]),
     ),
     "flow": (
         "Drag per length over mu v0; pressure drop over mu v0/H (24 without a cell), plain\n"

@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-from particell.cases import yeast_channel_ensemble
+from particell.cases import reference, yeast_channel_ensemble
 from particell.cases import yeast_channel_results as results
 from particell.cases.base import Context
 from particell.cases.yeast_channel import YeastChannel
 from particell.ensemble import EnsembleRun
+from particell.errors import LawWarning
 
 
 def run_case(reynolds: float, chemistry: str, end: float):
@@ -46,6 +47,36 @@ def test_summary_of_an_ensemble(both_ways, tmp_path):
     assert error == pytest.approx(single["RL_membrane_molecules_t1"].value)
     made = yeast_channel_ensemble.figures(case, ensemble, tmp_path)
     assert [path.name for path in made] == ["membrane_mean.png", "binding_mean.png"]
+
+
+def test_the_map_stands_beside_that_of_the_finite_elements(both_ways, tmp_path, monkeypatch):
+    case, _, run = both_ways
+    monkeypatch.setattr(results, "MAP_TIME", case.end)
+    names = [path.name for path in results.figures(case, run, tmp_path)]
+    assert "map.png" in names
+    monkeypatch.setattr(results, "MAP_TIME", 2 * case.end)
+    assert "map.png" not in [path.name for path in results.figures(case, run, tmp_path)]
+
+
+def test_the_committed_map_is_the_one_on_the_centreline():
+    table = reference.load("yeast_channel_map")
+    line = reference.load("yeast_channel_centreline")
+    x = np.array([float(name[3:]) / 1000 for name in table if name != "y_star"])
+    middle = np.abs(table["y_star"] - 0.5) < 0.013  # one row on each side
+    found = np.array([table[name][middle].mean() for name in table if name != "y_star"])
+    away = np.abs(x - 0.25) > 0.05
+    assert found[away] == pytest.approx(
+        np.interp(x, line["x_star"], line["L_t2.0"])[away], abs=2e-3
+    )
+
+
+def test_as_many_particles_as_the_papers_are_let_through_with_a_warning():
+    case = YeastChannel(resolution=25, chemistry="concentrations")
+    with pytest.warns(LawWarning, match=r"the cell is 1\.3 spacings wide"):
+        simulation = case.build(Context(seed=1))
+    inside = simulation.particles.host("x")[:, 0] > 0
+    fluid = simulation.particles.host("is_wall") == 0
+    assert np.count_nonzero(inside & fluid) == pytest.approx(1250, abs=5)
 
 
 def test_no_particle_is_inside_the_cell(both_ways):

@@ -17,6 +17,8 @@ from particell.output.run import Run
 #: Limit of the relative L2 errors.
 LIMIT = 0.05
 TIMES = (1.0, 2.0)
+#: Time of the map, which the finite elements have too.
+MAP_TIME = 2.0
 
 
 class Channel(Protocol):
@@ -35,6 +37,8 @@ class Channel(Protocol):
     def as_reference(self) -> bool: ...
     @property
     def time_unit(self) -> float: ...
+    @property
+    def spacing(self) -> float: ...
     @property
     def centre(self) -> tuple[float, float]: ...
 
@@ -165,6 +169,8 @@ def figures(case: Channel, run: Run, directory: Path) -> list[Path]:
                 limits=(0.0, 1.0),
             ),
         )
+    if run.times[last] / case.time_unit > MAP_TIME * (1 - 1e-9):
+        save("map", _map_figure(case, run, run.at(MAP_TIME * case.time_unit)))
     save("centreline", _centreline_figure(case, run))
     save("membrane", _membrane_figure(case, run))
     save("binding", _binding_figure(case, run))
@@ -189,6 +195,36 @@ def _close_up(case: Channel, run: Run, frame: int):
     circle = np.linspace(0, 2 * np.pi, 200)
     r = case.radius * 1e6
     axes.plot(r * np.cos(circle), r * np.sin(circle), "-", color="black", linewidth=0.8)
+    return figure
+
+
+@plots.styled
+def _map_figure(case: Channel, run: Run, frame: int):
+    """L in the channel: as it is carried, over what the finite elements have."""
+    names = suffixes(run)
+    figure, rows = plots.new_figure(5.6, 2.1 * (len(names) + 1) + 0.4, rows=len(names) + 1)
+    fluid = run.group("fluid", "membrane")
+    star = run.field("position")[frame][fluid] / case.height
+    inside = (star[:, 0] > 0) & (star[:, 0] < 2)
+    shown = {"cmap": "viridis", "vmin": 0.0, "vmax": 1.0}
+    for axes, (kind, suffix) in zip(rows, names.items(), strict=False):
+        values = run.field(f"concentration/L{suffix}")[frame][fluid] / case.concentration
+        size = (72 * 4.2 / 2 * case.spacing / case.height) ** 2 * 1.4
+        mesh = axes.scatter(*star[inside].T, c=values[inside], s=size, linewidths=0, **shown)
+        axes.set_title(kind)
+    table = reference.load("yeast_channel_map")
+    x = [float(name.removeprefix("L_x")) / 1000 for name in table if name != "y_star"]
+    expected = np.stack([column for name, column in table.items() if name != "y_star"], axis=1)
+    rows[-1].pcolormesh(x, table["y_star"], expected, shading="nearest", **shown)
+    rows[-1].set_title(finite_elements(case))
+    angle = np.linspace(0, 2 * np.pi, 100)
+    circle = np.stack([np.cos(angle), np.sin(angle)], axis=1) * case.radius + np.array(case.centre)
+    for axes in rows:
+        axes.plot(*(circle / case.height).T, "-", color="black", linewidth=0.8)
+        axes.set(xlim=(0, 2), ylim=(0, 1), aspect="equal", ylabel="y / H")
+    rows[-1].set_xlabel("x / H")
+    figure.suptitle(f"ligand at t* = {MAP_TIME:g}")
+    figure.colorbar(mesh, ax=list(rows), label="L / L₀")
     return figure
 
 

@@ -50,6 +50,7 @@ def description(simulation: Simulated) -> dict[str, str]:
         "precision": str(s.device.real),
         "forms": repr(s.solver.forms()),
         "seed": repr(s.seed),
+        "mirrors": repr(s.system.mirrors),
         "species": repr([*chemistry.species.values()] if chemistry else []),
         "rates": repr([[t.rate.tolist(), t.value.tolist()] for t in chemistry.tables])
         if chemistry

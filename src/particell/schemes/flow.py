@@ -46,7 +46,7 @@ RESERVED |= {"dim", "side", "names", "replace", "field", "record", "columns", "w
 RESERVED |= {"specific_volume", "pressure_over_square", "v_ahead", "own_kernel", "transport"}
 RESERVED |= {"flux", "buoyancy", "count", "amount", "shift", "shift_before", "density_half"}
 RESERVED |= {"kernel_sum", "velocity_spread", "wall_normal", "wall_depth", "wall_curvature"}
-RESERVED |= {"wall_friction", *AT_REST}
+RESERVED |= {"wall_friction", "image_reach", *AT_REST}
 
 
 class Flow:
@@ -166,6 +166,8 @@ class Flow:
             parted=found.parted,
             more=self.laws,
             fields=tuple(f.name for f in scheme.fields),
+            mirrors=self.state.mirrors,
+            reach=float(self.state.neighbours.support),
         )
 
     def lead(self, dt: float) -> float:
@@ -207,6 +209,7 @@ class Flow:
             Naming the field.
         """
         taken = {*RESERVED, *self.constants, *self.state.neighbours.fields}
+        taken |= {name for plane in self.state.mirrors for name in plane.numbers()}
         for field in fields:
             both = {field.name, field.rate.name}
             if both & taken or any(name in self.state.particles for name in both):

@@ -5,8 +5,8 @@ is filled,
 
 .. math:: \varphi_i = \sum_j \frac{m_j}{\rho_0} W_{ij},
 
-with itself and images in mirrors: about 1 on every lattice, 0.9 where one neighbour is missing, 0.5 at the edge of a
-void. (Not a composed sweep: the closest neighbour is a minimum, and sweeps sum.)
+with itself and images in mirrors: about 1 on every lattice, 0.9 where one neighbour is missing, 0.5
+at the edge of a void. (Not a composed sweep: the closest neighbour is a minimum, and sweeps sum.)
 """
 
 from __future__ import annotations
@@ -60,7 +60,8 @@ def surroundings(
     """Closest neighbour in supports, part of the space that is filled, and neighbours of row i.
 
     ``planes`` (P, D + 1) are mirrors, n and n·p, and the first ``images`` rows of ``chains`` (C, P)
-    say in which of them an image is seen: |x_i − x_j'|² = r² + 4 Σ s_i s_j (:mod:`particell.sources.images`).
+    say in which of them an image is seen: |x_i − x_j'|² = r² + 4 Σ s_i s_j
+    (:mod:`particell.sources.images`).
     """
     own = alpha / power(support[i], DIM)
     least, total, count = 1.0, mass[i] / reference[group[i]] * own * shape_w(0.0, KERNEL), 0

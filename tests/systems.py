@@ -11,8 +11,10 @@ from pathlib import Path
 import numpy as np
 from scipy import stats
 
+from particell.boundaries.mirror import Mirror
 from particell.geometry.domain import Domain
 from particell.geometry.fill import lattice
+from particell.geometry.shapes import HalfSpace
 from particell.kernels import LUCY, normalisation, shape_f
 from particell.laws.viscosity import friction_coefficients
 from particell.materials import BOLTZMANN, Fluid
@@ -31,7 +33,6 @@ from particell.schemes.sdpd import SDPD
 from particell.schemes.stages import At, Forces, KernelSums
 from particell.schemes.transport_velocity import TransportVelocity
 from particell.simulation import Simulation
-from particell.sources.images import Plane, at_planes
 
 DATA = Path(__file__).parent / "data"
 #: The temperature at which k_B T = 1 J.
@@ -136,18 +137,12 @@ def transported_lattice(
 
 
 def beside_a_mirror(device=None) -> Simulation:
-    """Particles with forces and density rates that their images in a floor add to."""
+    """Particles that move in front of a mirror."""
     domain = Domain((0, 0), (6, 5), periodic="x", depth=1.0)
     inside = fluid(domain, unit_fluid(), 1.0, velocity=lambda x: np.sin(x))
-    simulation = Simulation(domain, inside, SDPD(support=2.2, skin=0.3), dt=0.01, device=device)
-    simulation.start()
-    solver = simulation.solver
-    sweep = solver.flow.sweeps().forces(density=True)
-    floor = Plane("floor", (0.0, 0.0), (0.0, 1.0))
-    images = at_planes([floor], float(simulation.particles.host("support").max()))
-    run = solver.flow.bound(replace(sweep, sources=(*sweep.sources, *images)))
-    run(len(simulation.particles), **solver.flow.numbers(1))
-    return simulation
+    floor = Mirror(HalfSpace((0, 0), (0, 1)), slip=False, velocity=(0.3, 0.0))
+    scheme = SDPD(support=2.2, skin=0.3)
+    return Simulation(domain, inside, scheme, boundaries=[floor], dt=0.01, device=device)
 
 
 def channel(

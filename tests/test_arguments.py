@@ -24,6 +24,7 @@ ROOM = pc.Domain((0, 0), (8, 8))
 WATER = unit_fluid()
 POINTS = np.array([[1.0, 1.0], [2.0, 2.0], [4.0, 4.0]])
 BALL = pc.Circle((4.0, 4.0), 2.0)
+FLOOR = pc.HalfSpace((0.0, 0.0), (0.0, 1.0))
 
 
 def still(points):
@@ -75,6 +76,7 @@ EXAMPLES = {
         "reactants": None,
         "products": None,
     },
+    pc.Mirror: {"body": FLOOR, "slip": False, "velocity": (1.0, 0.0)},
     pc.Reflection: {"body": BALL, "inside": True},
     pc.Reservoir: {"group": "a", "values": {"A": 1.0}},
     pc.SDPD: {

@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from particell.boundaries.mean_velocity import MeanVelocity
+from particell.boundaries.mirror import Mirror
 from particell.boundaries.sponge import Sponge
 from particell.chemistry.reactions import Reaction
 from particell.chemistry.species import Species
 from particell.geometry.domain import Domain
+from particell.geometry.shapes import HalfSpace
 from particell.laws.buoyancy import Buoyancy
 from particell.phases import Phase, box_walls, channel_walls, fluid
 from particell.schemes.sdpd import SDPD
@@ -73,6 +75,15 @@ def transported(sides):
     )
 
 
+def mirrored(sides):
+    """A fluid in a corner of two mirrors, one that slips and one that does not."""
+    domain = Domain((0,) * len(sides), sides, depth=1.0)
+    planes = [Mirror(HalfSpace((0, 0), (1, 0))), Mirror(HalfSpace((0, 0), (0, 1)), slip=False)]
+    return Simulation(
+        domain, jittered(domain, unit_fluid()), SDPD(), SPECIES, boundaries=planes, seed=3
+    )
+
+
 def fill(simulation):
     """Molecules and concentrations, by id."""
     chemistry = simulation.chemistry
@@ -89,7 +100,7 @@ def fill(simulation):
 
 @pytest.mark.parametrize(
     ("make", "sides"),
-    [(noisy, (9, 8)), (noisy, (8, 6, 8)), (transported, (8, 8))],
+    [(noisy, (9, 8)), (noisy, (8, 6, 8)), (transported, (8, 8)), (mirrored, (8, 8))],
 )
 def test_same_bits_for_any_order_in_memory(make, sides):
     one, two = make(sides), make(sides)

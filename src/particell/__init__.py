@@ -21,6 +21,7 @@ except PackageNotFoundError:  # a source tree that is not installed
 if TYPE_CHECKING:
     from particell.averages import TimeAverage
     from particell.boundaries.mean_velocity import MeanVelocity
+    from particell.boundaries.mirror import Mirror
     from particell.boundaries.moving import WallMotion
     from particell.boundaries.reflection import Reflection
     from particell.boundaries.sponge import Sponge
@@ -77,6 +78,7 @@ _HOME = {
     "Operation": "operations.operation",
     "Phase": "phases",
     "Reaction": "chemistry.reactions",
+    "Mirror": "boundaries.mirror",
     "Reflection": "boundaries.reflection",
     "WallMotion": "boundaries.moving",
     "When": "operations.operation",
@@ -132,6 +134,7 @@ __all__ = [
     "Law",
     "LawWarning",
     "MeanVelocity",
+    "Mirror",
     "Operation",
     "Phase",
     "Reaction",

@@ -17,6 +17,7 @@ from particell.geometry.domain import Domain
 from particell.materials import Fluid
 from particell.particles import Group, Particles
 from particell.phases import Phase
+from particell.sources.images import Plane
 from particell.state import State
 
 #: Particles of two phases that are nearer than this part of their size overlap: a filling made
@@ -33,6 +34,7 @@ def build_state(
     sound_speed: float | None,
     device: Device,
     seed: int,
+    mirrors: tuple[Plane, ...] = (),
 ) -> State:
     """Particles, materials and a neighbour list from a description.
 
@@ -44,9 +46,8 @@ def build_state(
     materials, index = build_materials(phases, sound_speed)
     particles = build_particles(device, domain, phases, index, scheme.support, scheme.at_rest)
     neighbours = build_neighbours(device, domain, particles, scheme.skin or 0.1)
-    return State(
-        device, domain, particles, neighbours, phases, materials, seed, depth_of(domain, phases)
-    )
+    depth = depth_of(domain, phases)
+    return State(device, domain, particles, neighbours, phases, materials, seed, depth, mirrors)
 
 
 def depth_of(domain: Domain, phases: Sequence[Phase]) -> float:

@@ -14,6 +14,7 @@ import numpy as np
 
 from particell import health, observers, snapshot
 from particell.averages import TimeAverage
+from particell.boundaries.mirror import mirrors_of
 from particell.boundaries.sponge import Sponge
 from particell.checks import checked
 from particell.chemistry.engine import Chemistry
@@ -71,8 +72,9 @@ class Simulation:
     species, reactions
         What the particles carry.
     boundaries
-        Reflecting surfaces, motions of walls, sponges, reservoirs, walls with fixed concentrations
-        or fluxes, and boundaries of your own (:class:`~particell.operations.operation.Operation`).
+        Mirrors, reflecting surfaces, motions of walls, sponges, reservoirs, walls with fixed
+        concentrations or fluxes, and boundaries of your own
+        (:class:`~particell.operations.operation.Operation`).
     forces
         :class:`~particell.laws.buoyancy.Buoyancy`, :class:`~particell.laws.body_force.BodyForce`.
     seed
@@ -155,7 +157,8 @@ class Simulation:
         if forces and self.static:
             raise InputError("forces", list(forces), "empty with Static, where nothing moves")
         self.device = device or Device()
-        self.system = build_state(domain, self.phases, scheme, sound, self.device, seed)
+        mirrors = mirrors_of(domain, self.phases, scheme, boundaries, forces)
+        self.system = build_state(domain, self.phases, scheme, sound, self.device, seed, mirrors)
         self.particles, self.neighbours = self.system.particles, self.system.neighbours
         self.materials = self.system.materials
         flow = None if self.static else Flow(self.system, scheme, laws)
@@ -339,8 +342,9 @@ class Simulation:
     def conservation(self) -> dict[str, float]:
         """How far conserved quantities have drifted.
 
-        Momentum (which walls, gravity and sponges change too) relative to Σ m|v|; sums of amounts
-        that no reaction changes, net of booked boundary flux, relative to the amounts (molecules:
+        Momentum (which walls, gravity and sponges change too; without what mirrors take up, which
+        is that along the normal, without slip all) relative to Σ m|v|; sums of amounts that no
+        reaction changes, net of booked boundary flux, relative to the amounts (molecules:
         whole numbers); how often walls turned particles back, and how many are inside.
         """
         return snapshot.drift_since(self, self.account)

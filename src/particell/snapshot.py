@@ -145,6 +145,9 @@ def drift_since(simulation: Simulated, account: Account) -> dict[str, float]:
     monitor = simulation.monitor
     if not simulation.static and account.momentum is not None:
         change = monitor.momentum() - account.momentum
+        for plane in simulation.system.mirrors:  # they change it, as walls do
+            normal = np.array(plane.direction)
+            change = change - (change @ normal) * normal if plane.slip else 0.0 * change
         scale = monitor.absolute_momentum()
         drift["momentum"] = float(np.linalg.norm(change) / scale) if scale else 0.0
     if simulation.chemistry:

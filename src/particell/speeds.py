@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from particell.boundaries.mean_velocity import MeanVelocity
+from particell.boundaries.mirror import Mirror
 from particell.boundaries.moving import WallMotion
 from particell.boundaries.sponge import Sponge
 from particell.driving import driven_speed, held_head
@@ -35,8 +36,8 @@ def flow_speed(
 
     Expected is what the scheme's ``reference_speed`` says. Without it also what sponges and mean
     velocities bring about, and, where the sound speed comes by rule, what the body force drives the
-    flow to (:mod:`particell.driving`). Of walls that move the constant part counts; give others as
-    ``reference_speed``.
+    flow to (:mod:`particell.driving`). Of walls that move the constant part counts, and the speed
+    of mirrors; give others as ``reference_speed``.
 
     Raises
     ------
@@ -48,6 +49,7 @@ def flow_speed(
         if isinstance(motion, WallMotion):
             points = [p.points for p in phases if p.name == motion.group]
             speeds += [motion.constant_speed(x) for x in points]
+    speeds += [boundary.speed for boundary in boundaries if isinstance(boundary, Mirror)]
     fastest = max(speeds, default=0.0)
     if isinstance(scheme, Static):
         return fastest

@@ -19,6 +19,7 @@ from particell.geometry.domain import Domain
 from particell.materials import Fluid
 from particell.particles import Particles
 from particell.phases import Phase
+from particell.sources.images import Plane
 
 
 @dataclass
@@ -75,6 +76,8 @@ class State:
         Of all random numbers.
     depth
         Extent of the dimensions that are not simulated, in m.
+    mirrors
+        Planes of symmetry, in which particles are seen.
 
     Attributes
     ----------
@@ -96,8 +99,10 @@ class State:
         materials: Sequence[Fluid],
         seed: int,
         depth: float,
+        mirrors: tuple[Plane, ...] = (),
     ):
         self.device, self.domain, self.seed, self.depth = device, domain, seed, depth
+        self.mirrors = mirrors
         self.particles, self.neighbours = particles, neighbours
         self.phases, self.materials = list(phases), list(materials)
         self.species: Contents | None = None

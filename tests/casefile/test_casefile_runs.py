@@ -85,6 +85,7 @@ PAIRS = [
         Chemistry.set_count,
         {"self": "", "name": "'species'", "values": "'count'", "by_id": "for arrays"},
     ),
+    (boundaries.MirrorTable, pc.Mirror, {}),
     (boundaries.ReflectionTable, pc.Reflection, {}),
     (boundaries.SpongeTable, pc.Sponge, {}),
     (boundaries.WallMotionTable, pc.WallMotion, {}),

@@ -83,7 +83,7 @@ def plates(device):
                       device=device), 2
 
 def mirror(device):
-    return beside_a_mirror(device), 0
+    return beside_a_mirror(device), 2
 
 hot = (noisy, hot_walls, hot_walls_in_space)
 for make in (*hot, walls, trapezoidal, species, transported, plates, mirror):

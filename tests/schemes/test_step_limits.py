@@ -99,6 +99,18 @@ def corner(dim=3, side=3, jitter=0.0, at=0.3, fluid=None, scheme=pc.SDPD, **opti
     return pc.Simulation(box, [pc.Phase("f", fluid, points, 1.0), *walls], scheme(**options))
 
 
+def mirrored(slip, jitter=0.2, at=0.1, fluid=None, **options):
+    """Particles in a corner of three mirrors in space, one of them near to all of these."""
+    side = 4
+    points = lattice(pc.Domain((0,) * 3, (side,) * 3, depth=1.0), 1.0)
+    points = points + np.random.default_rng(3).uniform(-jitter, jitter, points.shape)
+    points[np.argmin(points.sum(axis=1))] = at
+    planes = [pc.Mirror(pc.HalfSpace((0,) * 3, normal), slip) for normal in np.eye(3)]
+    box = pc.Domain((0,) * 3, (2 * side,) * 3, depth=1.0)
+    phase = pc.Phase("f", fluid or unit_fluid(), points, 1.0)
+    return pc.Simulation(box, phase, pc.SDPD(support=2.2, **options), boundaries=planes)
+
+
 def two_supports(fluid=None, **options):
     """A fine half and a coarse one."""
     box = pc.Domain((0, 0), (14, 14), periodic="xy", depth=1.0)
@@ -122,6 +134,8 @@ UNEVEN = {
     "viscosity, 2:1": lambda: two_supports(VISCOUS),
     "sound, 3D corner": lambda: corner(jitter=0.2),
     "viscosity, 3D corner": lambda: corner(fluid=VISCOUS),
+    "sound, 3D corner of mirrors": lambda: mirrored(True),
+    "viscosity, 3D corner of mirrors without slip": lambda: mirrored(False, fluid=VISCOUS),
 }
 
 

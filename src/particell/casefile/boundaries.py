@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from particell.boundaries.mean_velocity import MeanVelocity
+from particell.boundaries.mirror import Mirror
 from particell.boundaries.moving import WallMotion
 from particell.boundaries.reflection import Reflection
 from particell.boundaries.sponge import Sponge
@@ -41,6 +42,26 @@ class ReflectionTable(Table):
         if not isinstance(body, HalfSpace | Ball):
             raise InputError("body", self.body, "the name of a HalfSpace, Ball, Circle or Sphere")
         return Reflection(body, self.inside)
+
+
+@describes(Mirror)
+class MirrorTable(Table):
+    """A plane of symmetry, or without slip a plane that fluid sticks to."""
+
+    type: Literal["Mirror"]
+    """What it is."""
+    body: Name
+    """Name of the half-space behind the plane, whose normal points into the fluid."""
+    slip: bool
+    velocity: Annotated[tuple[Velocity, ...], Field(min_length=1, max_length=3)] | None
+
+    def build(self, scope: Scope) -> Mirror:
+        """The boundary."""
+        body = scope.shape(self.body)
+        if not isinstance(body, HalfSpace):
+            raise InputError("body", self.body, "the name of a HalfSpace")
+        velocity = None if self.velocity is None else scope.vector("velocity", self.velocity)
+        return Mirror(body, self.slip, velocity)
 
 
 @describes(Sponge)
@@ -213,7 +234,8 @@ class BodyForceTable(Table):
 
 
 BoundaryTable = Annotated[
-    ReflectionTable
+    MirrorTable
+    | ReflectionTable
     | WallMotionTable
     | SpongeTable
     | MeanVelocityTable

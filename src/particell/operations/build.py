@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from particell.boundaries.mean_velocity import MeanVelocity
+from particell.boundaries.mirror import Mirror
 from particell.boundaries.moving import WallMotion
 from particell.boundaries.reflection import Reflection
 from particell.boundaries.sponge import Sponge
@@ -27,7 +28,8 @@ from particell.state import State
 
 #: What may stand among a simulation's boundaries.
 Boundary = (
-    Reflection
+    Mirror
+    | Reflection
     | WallMotion
     | Sponge
     | MeanVelocity
@@ -75,7 +77,7 @@ def operations_of(
     dim, found = state.dim, [] if flow is None else flow.operations()
     if walls.active:
         found.append(walls)
-    if surfaces := of(Reflection):
+    if surfaces := [*of(Reflection), *(mirror.reflection() for mirror in of(Mirror))]:
         found.append(Reflect(surfaces, dim))
     if chemistry is not None:
         found.append(StepSpecies(chemistry))

@@ -83,7 +83,7 @@ class KeptVolume(Operation):
         """Decide, where that was left open, and measure."""
         if self.wanted is not None or self.walls_move or not _walls_stay(state):
             return
-        if is_enclosed(state.domain, state.particles):
+        if is_enclosed(state.domain, state.particles, state.mirrors):
             self.volume = self._present(state)
 
     def _present(self, state: State) -> float:

@@ -8,7 +8,7 @@ start (:func:`is_enclosed`).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from scipy.spatial import cKDTree
 from particell.geometry.domain import Domain
 from particell.operations.operation import Operation, When
 from particell.particles import Particles
+from particell.sources.images import Plane, points_with_images
 from particell.state import State
 
 #: Share of its support that is filled for a particle in the bulk, at least: half is a surface.
@@ -44,6 +45,7 @@ class RestPressure(Operation):
 
     def __init__(self, state: State, gravity: np.ndarray, contrast: bool) -> None:
         self.device, self.domain, self.particles = state.device, state.domain, state.particles
+        self.mirrors = state.mirrors
         self.gravity, domain, device = gravity, state.domain, state.device
         particles = state.particles
         x = particles.host("x").astype(float)
@@ -78,7 +80,7 @@ class RestPressure(Operation):
         if "buoyancy" not in p and not np.any(self.gravity[closed]):
             return
         if self._enclosed is None:
-            self._enclosed = is_enclosed(self.domain, p)
+            self._enclosed = is_enclosed(self.domain, p, self.mirrors)
         if not self._enclosed:
             return
         fluid = p.view("is_wall") == 0
@@ -147,7 +149,7 @@ class RestPressure(Operation):
         self._enclosed = bool(saved["enclosed"])
 
 
-def is_enclosed(domain: Domain, particles: Particles) -> bool:
+def is_enclosed(domain: Domain, particles: Particles, mirrors: Sequence[Plane] = ()) -> bool:
     """Whether the fluid has neighbours all round: walls, other fluid, or images of itself.
 
     Looked at are its outermost particles in all directions, and others at equal intervals.
@@ -160,8 +162,9 @@ def is_enclosed(domain: Domain, particles: Particles) -> bool:
     volume = particles.host("volume").astype(float)
     dim = domain.dim
     periods = np.where(domain.periodic, domain.lengths, 0.0)
-    origin = np.where(domain.periodic, domain.lower, x.min(axis=0))
-    places = x - origin
+    shown, whose = points_with_images(mirrors, x, float(support.max()))
+    origin = np.where(domain.periodic, domain.lower, shown.min(axis=0))
+    places = shown - origin
     places = np.where(domain.periodic, np.mod(places, np.where(periods > 0, periods, 1.0)), places)
     tree = cKDTree(places, boxsize=periods)
     ball = math.pi ** (dim / 2) / math.gamma(dim / 2 + 1)
@@ -169,7 +172,7 @@ def is_enclosed(domain: Domain, particles: Particles) -> bool:
     def filled(rows: np.ndarray) -> np.ndarray:
         rows = rows[:: max(1, len(rows) // SAMPLE)]
         near = tree.query_ball_point(places[rows], support[rows])
-        within = np.array([volume[k].sum() for k in near])
+        within = np.array([volume[whose[k]].sum() for k in near])
         return within / (ball * support[rows] ** dim)
 
     if np.mean(filled(fluid) < FULL) > LOOSE:

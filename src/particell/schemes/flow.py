@@ -46,7 +46,7 @@ RESERVED |= {"dim", "side", "names", "replace", "field", "record", "columns", "w
 RESERVED |= {"specific_volume", "pressure_over_square", "v_ahead", "own_kernel", "transport"}
 RESERVED |= {"flux", "buoyancy", "count", "amount", "shift", "shift_before", "density_half"}
 RESERVED |= {"kernel_sum", "velocity_spread", "wall_normal", "wall_depth", "wall_curvature"}
-RESERVED |= {"wall_friction", "box", "species", "speed", *AT_REST}
+RESERVED |= {"wall_friction", "image_reach", "box", "species", "speed", *AT_REST}
 #: What loops are given at every call.
 RESERVED |= {"dt", "dt_over_time", "tau", "part", "fraction", "target", "stream", "expected"}
 
@@ -170,6 +170,8 @@ class Flow:
             parted=found.parted,
             more=self.laws,
             fields=tuple(f.name for f in scheme.fields),
+            mirrors=self.state.mirrors,
+            reach=float(self.state.neighbours.support),
         )
 
     def lead(self, dt: float) -> float:
@@ -211,6 +213,7 @@ class Flow:
             Naming the field.
         """
         taken = {*RESERVED, *self.constants, *self.state.neighbours.fields}
+        taken |= {name for plane in self.state.mirrors for name in plane.numbers()}
         for field in fields:
             if not isinstance(field, Field):
                 raise InputError("fields", field, "particell.Field(name)")

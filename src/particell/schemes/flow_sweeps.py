@@ -28,6 +28,7 @@ from particell.laws.transport_velocity import (
 )
 from particell.laws.viscosity import Viscosity
 from particell.laws.wall_pressure import WallPressure
+from particell.sources.images import Plane, at_planes
 from particell.sources.mobile import ALL, MOBILE, Particles
 from particell.sources.source import Names, Side
 from particell.sources.walls import Walls
@@ -133,6 +134,8 @@ class FlowSweeps:
         Whether reference densities differ.
     more, fields
         Laws of the user's, and names of their fields.
+    mirrors, reach
+        Planes in which particles are seen, and the largest support in m.
     """
 
     names: Names
@@ -156,6 +159,8 @@ class FlowSweeps:
     contrast: bool
     more: tuple[Law, ...] = ()
     fields: tuple[str, ...] = ()
+    mirrors: tuple[Plane, ...] = ()
+    reach: float = 0.0
 
     def _derived(self, **more: Callable[[Side], Any]) -> Names:
         return replace(self.names, derived={**self.names.derived, **more})
@@ -165,10 +170,15 @@ class FlowSweeps:
         scale = symbol("number", "alpha") / call(power, (p.support, p.dim))
         return scale * call(shape_w, (0.0, self.kernel))
 
-    def _sweep(self, name: str, laws: list[Law], sources: list[Any], **options: Any) -> Sweep:
+    def _sweep(
+        self, name: str, laws: list[Law], sources: list[Any], seen: bool = True, **options: Any
+    ) -> Sweep:
+        """A sweep, where particles are ``seen`` in mirrors over their images too."""
         names = options.pop("names", self.names)
         known = {**AT_REST, "own_kernel": self._own_kernel, **names.derived}
         options["names"] = replace(names, derived=known)
+        if seen:  # walls are too far from mirrors to have images
+            sources = [*sources, *at_planes(self.mirrors, self.reach, of=sources[0])]
         return Sweep(
             name,
             tuple(laws),
@@ -243,6 +253,7 @@ class FlowSweeps:
             [WallPressure(self.moving, self.buoyancy)],
             [MOBILE],
             targets="walls",
+            seen=False,
         )
 
     def flux_rates(self, consistent: bool, form: str) -> Sweep:
@@ -268,8 +279,9 @@ class FlowSweeps:
     def pair_shifts(self) -> Sweep:
         """What the shift carries between pairs, which is kept for all species."""
         names = self._derived(shift_velocity=_shift_velocity, v=_half_way)
+        stored = ("own_shift", "its_shift")
         return self._sweep(
-            "pair_shifts", [PairShifts()], [MOBILE], names=names, stored=("own_shift", "its_shift")
+            "pair_shifts", [PairShifts()], [MOBILE], seen=False, names=names, stored=stored
         )
 
     def density_filter(self) -> Sweep:

@@ -40,6 +40,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from particell.compute.expressions import Node, Number, Vector, symbol
 from particell.errors import InputError
 from particell.sources.mobile import MOBILE
@@ -94,9 +96,14 @@ class Plane:
         parts = [symbol("number", f"{self.name}_velocity_{d}") for d in range(dim)]
         return Vector.of(f"{self.name}_velocity", parts)
 
+    @property
+    def place_symbol(self) -> Node:
+        """n·p, as loops know it."""
+        return symbol("number", f"{self.name}_place")
+
     def distance(self, p: Side) -> Number:
         """s of a particle in m."""
-        return self.normal(p.dim).dot(p.x) - symbol("number", f"{self.name}_place")
+        return self.normal(p.dim).dot(p.x) - self.place_symbol
 
     def mirrored(self, a: Vector, dim: int) -> Vector:
         """a − 2 (n·a) n."""
@@ -119,10 +126,17 @@ class Image(Side):
 
     def _look(self, name: str, derived: bool = True) -> Any:
         found = self.names.look(name, self, derived)
-        if derived and name in self.names.derived:  # made of what is mirrored already
-            return found
+        if derived and name in self.names.derived:
+            if name not in self._source.velocities:  # made of what is mirrored already
+                return found
+            found = self.names.look(name, Side(self.names, self.side))
+            return self._seen(name, found)
         if self.names.fields.get(name) != self.dim or not isinstance(found, Vector):
             return found
+        return self._seen(name, found)
+
+    def _seen(self, name: str, found: Vector) -> Vector:
+        """A vector as mirrors show it."""
         for plane in self._source.planes:
             if name in self._source.velocities:
                 found = plane.seen_velocity(found, rate=False)
@@ -130,6 +144,8 @@ class Image(Side):
                 found = plane.seen_velocity(found, rate=True)
             else:
                 found = plane.mirrored(found, self.dim)
+            if name == "x":
+                found = found + (2.0 * plane.place_symbol) * plane.normal(self.dim)
         return Vector.of(f"image.{name}", found.parts(self.dim))
 
 
@@ -153,7 +169,7 @@ class Images(Source):
     planes: tuple[Plane, ...]
     reach: float
     of: Source = MOBILE
-    velocities: tuple[str, ...] = ("v", "transport")
+    velocities: tuple[str, ...] = ("v", "transport", "v_ahead")
     rates: tuple[str, ...] = ("a", "flux")
 
     @property
@@ -189,17 +205,15 @@ class Images(Source):
         return i, j, pair
 
 
-def at_planes(planes: Sequence[Plane], reach: float, **options: Any) -> tuple[Images, ...]:
-    """All images in planes that are at right angles, or parallel and a support apart.
+def chains(planes: Sequence[Plane], reach: float) -> list[tuple[Plane, ...]]:
+    """All sets of planes in which particles are seen, the planes themselves first.
 
     Parameters
     ----------
     planes
-        The mirrors.
+        The mirrors, at right angles, or parallel and a support apart.
     reach
         The largest support in m.
-    **options
-        Of :class:`Images`.
 
     Raises
     ------
@@ -216,9 +230,36 @@ def at_planes(planes: Sequence[Plane], reach: float, **options: Any) -> tuple[Im
         gap = abs(a.place - math.copysign(1.0, cosine) * b.place)
         if not crossing[a.name, b.name] and gap < reach:
             raise InputError("planes", f"{gap:g} m apart", f"parallel ones at least {reach:g} m")
-    return tuple(
-        Images(chain, reach, **options)
+    return [
+        chain
         for number in range(1, len(planes) + 1)
         for chain in itertools.combinations(planes, number)
         if all(crossing[a.name, b.name] for a, b in itertools.combinations(chain, 2))
-    )
+    ]
+
+
+def at_planes(planes: Sequence[Plane], reach: float, **options: Any) -> tuple[Images, ...]:
+    """All images in ``planes``, as :func:`chains` has them; ``options`` are of :class:`Images`."""
+    return tuple(Images(chain, reach, **options) for chain in chains(planes, reach))
+
+
+def points_with_images(
+    planes: Sequence[Plane], x: np.ndarray, reach: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Points (n, D) and, after them, their images within ``reach`` of the planes; of whom they are.
+
+    Returns
+    -------
+    points, rows
+        Shapes (m, D) and (m,).
+    """
+    points, rows = [x], [np.arange(len(x))]
+    for chain in chains(planes, reach):
+        image, near = x, np.ones(len(x), bool)
+        for plane in chain:
+            away = image @ np.array(plane.direction) - plane.place
+            near &= np.abs(away) < reach
+            image = image - 2.0 * away[:, None] * np.array(plane.direction)
+        points.append(image[near])
+        rows.append(np.flatnonzero(near))
+    return np.concatenate(points), np.concatenate(rows)

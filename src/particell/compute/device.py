@@ -27,13 +27,6 @@ def gather_rows(i, source, order, target, *, COLUMNS):
         target[i, c] = source[order[i], c]
 
 
-@particle_loop
-def copy_rows(i, source, target, *, COLUMNS):
-    """target[i] = source[i] for arrays of shape (n, COLUMNS)."""
-    for c in range(COLUMNS):
-        target[i, c] = source[i, c]
-
-
 @checked
 class Device:
     """The machine that loops run on.
@@ -107,11 +100,10 @@ class Device:
         """
         if self.backend == "cpu":
             np.take(rows, order, axis=0, out=scratch, mode="clip")
-            np.copyto(rows, scratch)
-            return
-        columns = rows.shape[1]
-        gather_rows.specialise(self.backend, COLUMNS=columns)(len(rows), rows, order, scratch)
-        copy_rows.specialise(self.backend, COLUMNS=columns)(len(rows), scratch, rows)
+        else:
+            gather = gather_rows.specialise(self.backend, COLUMNS=rows.shape[1])
+            gather(len(rows), rows, order, scratch)
+        self.copy(scratch, rows)
 
     def bind(self, loop: Loop, fields: Mapping[str, Any], **constants: Any) -> Callable[..., None]:
         """Compile a loop and look up its arguments by name once.

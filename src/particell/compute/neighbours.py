@@ -30,11 +30,7 @@ from typing import Any
 import numpy as np
 
 from particell.compute.batches import batch_buffer, batch_size
-from particell.compute.cells import (
-    assign_cells,
-    cells_of,
-    counting_sort,
-)
+from particell.compute.cells import assign_cells, cells_of, counting_sort
 from particell.compute.clusters import Clusters
 from particell.compute.device import Device
 from particell.compute.displacements import closed_gaps, displacement_boxes
@@ -144,10 +140,12 @@ class NeighbourList:
             "most_moved": (SAFETY * skin) ** 2,
             "least_apart": (support + (1.0 - SAFETY) * skin) ** 2,
         }
-        self.order, self._first_of_cell = (
-            np.zeros(n, np.int64),
-            np.zeros(len(self.cell_start), np.int64),
-        )
+        self.order = device.zeros(n, np.int64)
+        self._on_gpu: Any = None
+        if device.backend == "cuda":
+            from particell.compute.cuda_list import DeviceList
+
+            self._on_gpu = DeviceList(device, n, self.number_of_cells)
         self.capacity = self.builds = self.renewals = 0
         clustered = device.backend == "cpu" and device.form != "gather"
         self._clusters = Clusters(self, lengths) if clustered else None
@@ -192,10 +190,10 @@ class NeighbourList:
 
     def _make(self, particles: Particles) -> None:
         """Sort all fields and list neighbours by the positions ``x_built``."""
-        n, x, host = self.n, self.x_built, self.device.to_host
+        n, x = self.n, self.x_built
         self._assign(n, x)
-        counting_sort(host(self.cell), host(particles["id"]), self._first_of_cell, self.order)
-        self.device.write(self.cell_start, self._first_of_cell)
+        sort = self._on_gpu.sort if self._on_gpu else counting_sort
+        sort(self.cell, particles["id"], self.cell_start, self.order)
         particles.permute(self.order, x)
         self._assign(n, x)
         if self.constants["WALLS"]:
@@ -270,10 +268,14 @@ class NeighbourList:
                 self._find(self.n, position, p["support"], p["is_wall"])
             else:
                 self._rows(self._clusters.number)
-            needed = int(self.device.to_host(self.found).max(initial=0)) + 1
+            needed = self._longest_row() + 1
             if needed <= self.capacity:
                 return
             self._reserve(int(needed * 1.15) + 4)
+
+    def _longest_row(self) -> int:
+        """Neighbours of the particle that has most."""
+        return self._on_gpu.longest(self.found) if self._on_gpu else int(self.found.max(initial=0))
 
 
 class _Parts(dict):

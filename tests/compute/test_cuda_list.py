@@ -1,0 +1,124 @@
+"""Neighbour lists made on a GPU are those of the CPU.
+
+As a script (``PYTHONPATH=tests python tests/compute/test_cuda_list.py``) it runs on the GPU at
+hand; as a test on Numba's CUDA simulator, in a process of its own.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from particell.compute.cells import counting_sort
+from particell.compute.device import Device
+from particell.compute.neighbours import NeighbourList
+from particell.geometry.domain import Domain
+from particell.particles import Group, Particles
+from simulated_gpu import lines_on_simulator
+
+CPU = Device(form="gather")
+
+
+def running_sums(gpu):
+    """Of less than a tile, of two levels."""
+    from particell.compute.cuda_scan import EACH, TILE, RunningSum
+
+    for n in (1, EACH, TILE, TILE + 1, 3 * TILE + 77):
+        values = np.random.default_rng(n).integers(0, 2**40, n)
+        array = gpu.array(values)
+        RunningSum(gpu, n)(array)
+        assert gpu.to_host(array).tolist() == [0, *np.cumsum(values)[:-1].tolist()], n
+
+
+def running_sums_of_three_levels(gpu):
+    from particell.compute import cuda_scan
+
+    n = 2 * cuda_scan.TILE + 5
+    scan = cuda_scan.RunningSum(gpu, n)
+    scan._rest = cuda_scan.RunningSum(gpu, scan.tiles)
+    scan._rest.tiles, scan._rest._rest = 1, None
+    array = gpu.array(np.ones(n, np.int64))
+    scan(array)
+    assert gpu.to_host(array).tolist() == list(range(n))
+
+
+def sorting(gpu):
+    """Also of many particles in a cell, of empty cells, and whatever their order was."""
+    from particell.compute.cuda_list import DeviceSort
+
+    random = np.random.default_rng(1)
+    for cells in (1, 7, 1500):
+        cell, ids = random.integers(0, cells, 300).astype(np.int32), random.permutation(999)[:300]
+        start, order = np.zeros(cells + 1, np.int64), np.zeros(300, np.int64)
+        counting_sort(cell, ids, start, order)
+        mine = gpu.zeros(cells + 1, np.int64), gpu.zeros(300, np.int64)
+        sort = DeviceSort(gpu, 300, cells)
+        for _ in range(2):  # nothing is left of the first time
+            sort(gpu.array(cell), gpu.array(ids), *mine)
+            assert gpu.to_host(mine[0]).tolist() == start.tolist()
+            assert gpu.to_host(mine[1]).tolist() == order.tolist()
+
+
+def lists(device, x, lengths, periodic, support, walls, uniform):
+    """Particles and their list, built twice at other positions."""
+    domain, (n, dim) = Domain((0,) * dim_of(x), lengths, periodic=periodic), x.shape
+    particles = Particles(device, n, dim, [Group("fluid", "fluid", 0), Group("wall", "wall", 0)])
+    particles.set("x", x)
+    particles.set("support", support)
+    particles.set("is_wall", walls.astype(np.uint8))
+    h = float(np.max(support))
+    lower = np.where(domain.periodic, domain.lower, np.minimum(domain.lower, x.min(axis=0)))
+    upper = np.where(domain.periodic, domain.upper, np.maximum(domain.upper, x.max(axis=0)))
+    made = NeighbourList(
+        device, domain, particles, h, 0.3 * h, lower, upper, uniform, bool(walls.any())
+    )
+    made.want("rows")
+    for _ in range(2):
+        made.build(particles)
+        random = np.random.default_rng(5)
+        particles.set("x", particles.by_id("x") + random.uniform(0, 0.4, x.shape), by_id=True)
+    return particles, made
+
+
+def dim_of(x):
+    return x.shape[1]
+
+
+def rows_of_the_cpu(gpu):
+    """The same rows in the same order, after builds at other places; rows outgrow their room."""
+    cases = [
+        ((9.0,), "x", 40, 0.0, True),
+        ((7.0, 5.0), "xy", 150, 0.0, True),
+        ((7.0, 5.0), "x", 150, 0.3, False),
+        ((4.0, 4.0, 4.0), "xz", 200, 0.3, True),
+        ((5.0, 4.0, 4.5), "xyz", 150, 0.0, False),
+    ]
+    for lengths, periodic, n, part, uniform in cases:
+        random = np.random.default_rng(n)
+        x = random.uniform(0.05, 0.95, (n, len(lengths))) * np.array(lengths)
+        walls = random.uniform(size=n) < part
+        support = np.full(n, 1.5) if uniform else random.uniform(0.6, 1.5, n)
+        given = (x, lengths, periodic, support, walls, uniform)
+        (here, mine), (there, its) = lists(CPU, *given), lists(gpu, *given)
+        assert its.capacity == mine.capacity
+        for name in here:
+            assert here.host(name).tobytes() == there.host(name).tobytes(), (lengths, name)
+        for name in ("cell", "cell_start", "x_built", "start", "split", "stop", "found", "crosses"):
+            assert np.array_equal(mine.fields[name], gpu.to_host(its.fields[name])), (lengths, name)
+        rows, others = mine.fields["neighbours"], gpu.to_host(its.fields["neighbours"])
+        for a, b in zip(mine.fields["start"], mine.fields["stop"], strict=True):
+            assert rows[a:b].tolist() == others[a:b].tolist(), lengths
+
+
+CHECKS = (running_sums, running_sums_of_three_levels, sorting, rows_of_the_cpu)
+
+
+def test_lists_of_a_gpu():
+    pytest.importorskip("numba.cuda", reason="numba.cuda is missing")
+    assert lines_on_simulator(__file__) == [check.__name__ for check in CHECKS]
+
+
+if __name__ == "__main__":
+    for check in CHECKS:
+        check(Device("cuda"))
+        print(check.__name__, flush=True)

@@ -23,7 +23,7 @@ def running_sums(gpu):
     """Of less than a tile, of two levels."""
     from particell.compute.cuda_scan import EACH, TILE, RunningSum
 
-    for n in (1, EACH, TILE, TILE + 1, 3 * TILE + 77):
+    for n in (1, EACH + 1, TILE + 1):
         values = np.random.default_rng(n).integers(0, 2**40, n)
         array = gpu.array(values)
         RunningSum(gpu, n)(array)
@@ -88,10 +88,8 @@ def rows_of_the_cpu(gpu):
     """The same rows in the same order, after builds at other places; rows outgrow their room."""
     cases = [
         ((9.0,), "x", 40, 0.0, True),
-        ((7.0, 5.0), "xy", 150, 0.0, True),
-        ((7.0, 5.0), "x", 150, 0.3, False),
-        ((4.0, 4.0, 4.0), "xz", 200, 0.3, True),
-        ((5.0, 4.0, 4.5), "xyz", 150, 0.0, False),
+        ((7.0, 5.0), "x", 90, 0.3, False),
+        ((4.0, 4.0, 4.0), "xz", 100, 0.3, True),
     ]
     for lengths, periodic, n, part, uniform in cases:
         random = np.random.default_rng(n)
@@ -110,7 +108,44 @@ def rows_of_the_cpu(gpu):
             assert rows[a:b].tolist() == others[a:b].tolist(), lengths
 
 
-CHECKS = (running_sums, running_sums_of_three_levels, sorting, rows_of_the_cpu)
+def decisions_of_the_cpu(gpu):
+    """Whether to build: at rest, after small and large moves, a shear, and what is no number."""
+    from particell.compute.neighbours import SAFETY
+
+    random = np.random.default_rng(3)
+    for lengths, n in (((9.0, 8.0), 60), ((5.0, 8.0, 5.0), 90)):
+        x = random.uniform(0.0, 1.0, (n, len(lengths))) * np.array(lengths)
+        given = (x, lengths, "xy", np.ones(n), np.zeros(n, bool), True)
+        (here, mine), (there, its) = lists(CPU, *given), lists(gpu, *given)
+        for particles, made in ((here, mine), (there, its)):
+            particles.set("x", made.device.to_host(made.x_built))
+        limit, start = 0.5 * SAFETY * mine.skin, here.by_id("x")
+        sign = np.where(start[:, :1] < 0.5 * lengths[0], 1.0, -1.0) * np.eye(len(lengths))[:1]
+        shear = np.zeros_like(start)
+        shear[:, 0] = start[:, 1] / lengths[1]
+        moves = [0.0 * sign, 0.99 * limit * sign, 1.01 * limit * sign, 5 * limit * (1 + 0 * sign)]
+        moves += [k * limit * shear for k in (1.5, 4.0, 9.0, 1e3)] + [1e30 * (1 + 0 * sign)]
+        moves[-1][3, 0] = np.inf
+        found = []
+        for move in moves:
+            for particles in (here, there):
+                particles.set("v", move, by_id=True)
+            asked = [
+                made.needs_build(p["x"], p["v"], 1.0) for p, made in ((here, mine), (there, its))
+            ]
+            assert asked[0] == asked[1], (lengths, asked, found)
+            found.append(asked[0])
+        assert found[:3] == [False, False, True]
+        assert set(found[4:8]) == {True, False}
+
+
+CHECKS = (
+    running_sums,
+    running_sums_of_three_levels,
+    sorting,
+    rows_of_the_cpu,
+    decisions_of_the_cpu,
+)
 
 
 def test_lists_of_a_gpu():

@@ -6,21 +6,18 @@ the longest row at builds, and one word a step that says whether to build.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numba import cuda as _module
 
 from particell.compute.cuda_scan import THREADS, Largest, RunningSum
+from particell.compute.device import clear
+from particell.compute.displacements import judge_list
 from particell.compute.loop import particle_loop
 
 cuda: Any = _module  # its stubs know 'atomic' as a class only
-
-
-@particle_loop
-def clear(k, numbers):
-    """Zeros."""
-    numbers[k] = 0
 
 
 @cuda.jit
@@ -86,15 +83,39 @@ class DeviceList:
     ----------
     device
         Where the particles are.
-    n, cells
-        How many particles and cells there are.
+    fields
+        Those of the list.
+    dim
+        Number of dimensions.
+    held, compared
+        See :func:`particell.compute.displacements.judge_list`.
     """
 
-    def __init__(self, device: Any, n: int, cells: int):
+    def __init__(
+        self, device: Any, fields: Mapping[str, Any], dim: int, held: float, compared: float
+    ):
         self.device = device
-        self.sort = DeviceSort(device, n, cells)
+        self.number_of_cells, n = len(fields["largest"]), len(fields["cell"])
+        self.sort = DeviceSort(device, n, self.number_of_cells)
         self._longest = Largest(device, n, np.int64)
+        self._farthest = Largest(device, self.number_of_cells, np.float64)
+        self._calls, self._judged = 0, device.zeros(1, np.int64)
+        given = {"moved": self._farthest.found, "judged": self._judged}
+        given |= {**fields, "held": held, "compared": compared}
+        self._judge = device.bind(judge_list, given, DIM=dim)
+        self._largest = fields["largest"]
 
     def longest(self, found: Any) -> int:
         """The largest number of neighbours; read by the host, at builds."""
         return int(self.device.to_host(self._longest(found))[0])
+
+    def worn_out(self) -> bool:
+        """Whether displacements, whose boxes are there, may have brought others near.
+
+        This is the one word that the host reads in a step. Each call marks it with another number,
+        so that it need not be cleared.
+        """
+        self._calls += 1
+        self._farthest(self._largest)
+        self._judge(self.number_of_cells, self._calls)
+        return int(self.device.to_host(self._judged)[0]) == self._calls

@@ -27,6 +27,12 @@ def gather_rows(i, source, order, target, *, COLUMNS):
         target[i, c] = source[order[i], c]
 
 
+@particle_loop
+def clear(k, numbers):
+    """Zeros."""
+    numbers[k] = 0
+
+
 @checked
 class Device:
     """The machine that loops run on.
@@ -64,7 +70,11 @@ class Device:
         """A new array of zeros (of the device's real type by default)."""
         if self.backend == "cpu":
             return aligned_zeros(shape, np.dtype(dtype or self.real))
-        return self.array(np.zeros(shape, dtype or self.real))
+        from numba import cuda
+
+        made = cuda.device_array(shape, np.dtype(dtype or self.real))
+        clear.specialise(self.backend)(made.size, made.reshape(made.size))
+        return made
 
     def array(self, values: np.ndarray):
         """A copy of a NumPy array on this device."""

@@ -118,7 +118,8 @@ class NeighbourList:
         lengths = upper - lower
         cells = cells_of(lengths, width, n)
         self.n, self.number_of_cells = n, int(np.prod(cells))
-        self.narrowest = float((lengths / cells)[cells > 1].min(initial=np.inf))
+        narrowest = float((lengths / cells)[cells > 1].min(initial=np.inf))
+        self._farthest = narrowest - 0.5 * support  # the displacement that makes others near
         reals, array = device.zeros, device.array
         self.fields: dict[str, Any] = _Parts()
         self.fields |= {
@@ -141,11 +142,6 @@ class NeighbourList:
             "least_apart": (support + (1.0 - SAFETY) * skin) ** 2,
         }
         self.order = device.zeros(n, np.int64)
-        self._on_gpu: Any = None
-        if device.backend == "cuda":
-            from particell.compute.cuda_list import DeviceList
-
-            self._on_gpu = DeviceList(device, n, self.number_of_cells)
         self.capacity = self.builds = self.renewals = 0
         clustered = device.backend == "cpu" and device.form != "gather"
         self._clusters = Clusters(self, lengths) if clustered else None
@@ -157,6 +153,11 @@ class NeighbourList:
         self._find_walls = bind(find_walls, f)
         self._boxes = bind(displacement_boxes, f, **only)
         self._compare = bind(closed_gaps, f, **only)
+        self._on_gpu: Any = None
+        if device.backend == "cuda":
+            from particell.compute.cuda_list import DeviceList
+
+            self._on_gpu = DeviceList(device, f, dim, SAFETY * skin, self._farthest)
 
     def __getattr__(self, name: str):
         try:
@@ -209,15 +210,17 @@ class NeighbourList:
     def needs_build(self, x, v, dt: float) -> bool:
         """Whether a pair outside the list may be within its support after a move by ``dt v``."""
         self._boxes(self.number_of_cells, x, v, dt)
-        largest = math.sqrt(float(self.device.to_host(self.fields["largest"]).max()))
+        if self._on_gpu:
+            return self._on_gpu.worn_out()
+        largest = math.sqrt(float(self.fields["largest"].max()))
         if not largest < math.inf:
             return True
         if 2 * largest <= SAFETY * self.skin:
             return False
-        if largest > self.narrowest - 0.5 * self.support:  # of cells that are not compared
+        if largest > self._farthest:  # of cells that are not compared
             return True
         self._compare(self.number_of_cells)
-        return bool(self.device.to_host(self.fields["closed"]).any())
+        return bool(self.fields["closed"].any())
 
     def saved(self) -> dict[str, Any]:
         """What :meth:`restore` makes the same list from, beside the fields of the particles."""

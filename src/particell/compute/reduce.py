@@ -13,6 +13,7 @@ Kulisch, Computer Arithmetic and Validity (2008), chapter 8.
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import Any
 
@@ -23,14 +24,13 @@ from particell.compute.communicator import Alone, Communicator
 from particell.compute.device import Device
 from particell.compute.loop import particle_loop
 
-BLOCK = 256
 #: Bin b counts 2^(32 b - 1088): a number of 53 bits lies in three, the largest in the 65th to 67th.
 BINS = 70
 #: What is no number has bins of its own: how often it was added.
 INFINITE, MINUS_INFINITE, NOT_A_NUMBER = BINS, BINS + 1, BINS + 2
 WIDTH = BINS + 3
 #: Lanes in which numbers are added, so that threads share the work; a lane takes less than 2^29.
-LANES = {"cpu": 64, "cuda": 4096}
+LANES = 64
 FEW = 512
 
 _LOW = np.int64(0xFFFFFFFF)
@@ -50,6 +50,31 @@ def carry(bins, row):
         bins[row, b + 1] += over
 
 
+@njit(inline="always")
+def whole_parts(number):
+    """The lowest of three bins that hold a number, and what to add to each of them.
+
+    What is no number counts itself in the bin that there is for it.
+    """
+    word = np.float64(number).view(np.int64)
+    exponent = np.int64((word >> np.int64(52)) & np.int64(0x7FF))
+    fraction = word & _FRACTION
+    sign = np.int64(1) if word >= 0 else np.int64(-1)
+    if exponent == 0x7FF:
+        broken = np.int64(fraction != 0)
+        infinite = np.int64((fraction == 0) & (word >= 0))
+        return np.int64(INFINITE), infinite, np.int64(1) - broken - infinite, broken
+    if exponent != 0:  # else a denormal number
+        fraction |= _HIDDEN
+    # the number is fraction 2^(max(exponent, 1) - 1075)
+    place = max(exponent, np.int64(1)) + np.int64(13)
+    shift = place & np.int64(31)
+    low = (fraction & _LOW) << shift
+    high = (fraction >> _32) << shift
+    middle = (low >> _32) + (high & _LOW)
+    return place >> np.int64(5), sign * (low & _LOW), sign * middle, sign * (high >> _32)
+
+
 @particle_loop
 def accumulate(lane, values, lanes, bins):
     """Add one lane's share of the rows of a table of reals to its bins, column by column.
@@ -63,27 +88,10 @@ def accumulate(lane, values, lanes, bins):
         for b in range(WIDTH):
             bins[row, b] = 0
         for i in range(first, last):
-            word = np.float64(values[i, c]).view(np.int64)
-            exponent = np.int64((word >> np.int64(52)) & np.int64(0x7FF))
-            fraction = word & _FRACTION
-            if exponent == 0x7FF:
-                special = NOT_A_NUMBER
-                if fraction == 0:
-                    special = INFINITE if word >= 0 else MINUS_INFINITE
-                bins[row, special] += 1
-                continue
-            if exponent != 0:  # else a denormal number
-                fraction |= _HIDDEN
-            # the number is fraction 2^(max(exponent, 1) - 1075)
-            place = max(exponent, np.int64(1)) + np.int64(13)
-            low_bin = place >> np.int64(5)
-            shift = place & np.int64(31)
-            low = (fraction & _LOW) << shift
-            high = (fraction >> _32) << shift
-            sign = np.int64(1) if word >= 0 else np.int64(-1)
-            bins[row, low_bin] += sign * (low & _LOW)
-            bins[row, low_bin + 1] += sign * ((low >> _32) + (high & _LOW))
-            bins[row, low_bin + 2] += sign * (high >> _32)
+            b, low, middle, high = whole_parts(values[i, c])
+            bins[row, b] += low
+            bins[row, b + 1] += middle
+            bins[row, b + 2] += high
         carry(bins, row)
 
 
@@ -107,18 +115,6 @@ def gather_lanes(k, bins, lanes, total):
     for lane in range(lanes):
         found += bins[lane * columns + c, b]
     total[c, b] = found
-
-
-@particle_loop
-def block_maxima(b, values, n_rows, partial, *, BLOCK):
-    """Largest of ``values[b*BLOCK : (b+1)*BLOCK]`` into ``partial[b, 0]``; NaN where one is NaN."""
-    first = b * BLOCK
-    last = min(first + BLOCK, n_rows)
-    best = values[first]
-    for i in range(first + 1, last):
-        if not values[i] <= best:  # a NaN too, and then it stays: it compares with nothing
-            best = values[i] if best == best else best
-    partial[b, 0] = best
 
 
 def rounded(bins: np.ndarray) -> float:
@@ -154,42 +150,45 @@ class Reduction:
         self.device = device
         self.communicator: Communicator = communicator or Alone()
         self._host = device if device.backend == "cpu" else Device()
-        self._most_lanes = LANES[device.backend]
+        self._most_lanes = LANES
         self._work: dict[tuple, Any] = {}
 
-    def _place(self, values) -> Device:
-        """Where values are."""
-        return self._host if isinstance(values, np.ndarray) else self.device
+    @functools.cached_property
+    def _on_gpu(self) -> Any:
+        from particell.compute.cuda_reduce import DeviceReduction
 
-    def _array(self, device: Device, *shape: int, dtype: Any = np.int64):
+        return DeviceReduction(self.device)
+
+    def _array(self, *shape: int):
         """Room to work in, made once."""
-        key = (device.backend, *shape, np.dtype(dtype))
-        if key not in self._work:
-            self._work[key] = device.zeros(shape, dtype)
-        return self._work[key]
+        if shape not in self._work:
+            self._work[shape] = self._host.zeros(shape, np.int64)
+        return self._work[shape]
 
     def sum(self, values) -> np.ndarray:
         """Column sums of an array of shape (n, columns); returns shape (columns,).
 
         Of real numbers they are exact and rounded once, to float64; whole numbers are int64.
         """
+        here = isinstance(values, np.ndarray)
+        total = self._sum_here(values) if here else self.device.to_host(self._on_gpu.sum(values))
+        found = self.communicator.sum(total)
+        real = values.dtype.kind == "f"
+        return np.array([rounded(row) for row in found]) if real else np.array(found[:, 0])
+
+    def _sum_here(self, values: np.ndarray) -> np.ndarray:
+        """Bins (columns, WIDTH) of real numbers, sums (columns, 1) of whole ones."""
         rows, columns = values.shape
-        real, device = values.dtype.kind == "f", self._place(values)
+        real = values.dtype.kind == "f"
         width = WIDTH if real else 1
         lanes = max(1, min(self._most_lanes, rows // FEW))
-        bins = self._array(device, lanes * columns, width)
-        total = self._array(device, columns, width)
-        add = (accumulate if real else sum_integers).specialise(device.backend)
+        bins, total = self._array(lanes * columns, width), self._array(columns, width)
+        add = (accumulate if real else sum_integers).specialise("cpu")
         add(lanes, values, lanes, bins)
-        gather_lanes.specialise(device.backend)(columns * width, bins, lanes, total)
-        found = self.communicator.sum(device.to_host(total))
-        return np.array([rounded(row) for row in found]) if real else np.array(found[:, 0])
+        gather_lanes.specialise("cpu")(columns * width, bins, lanes, total)
+        return total
 
     def max(self, values) -> float:
         """Largest of a non-empty array of shape (n,); NaN where one is NaN."""
-        if isinstance(values, np.ndarray):
-            return self.communicator.maximum(float(values.max()))
-        partial = self._array(self.device, -(-len(values) // BLOCK), 1, dtype=values.dtype)
-        find = block_maxima.specialise(self.device.backend, BLOCK=BLOCK)
-        find(len(partial), values, len(values), partial)
-        return self.communicator.maximum(float(self.device.to_host(partial).max()))
+        here = isinstance(values, np.ndarray)
+        return self.communicator.maximum(float(values.max()) if here else self._on_gpu.max(values))

@@ -18,7 +18,6 @@ from particell.boundaries.sponge import Sponge
 from particell.chemistry.reactions import Reaction
 from particell.chemistry.species import Species
 from particell.compute.device import Device
-from particell.compute.reduce import Reduction
 from particell.geometry.domain import Domain
 from particell.geometry.shapes import HalfSpace
 from particell.materials import AVOGADRO
@@ -98,13 +97,6 @@ for make in (*hot, walls, trapezoidal, species, transported, plates, mirror):
         error = np.abs(cpu.astype(float) - cuda).max(initial=0) / scale
         assert error < 1e-11, (make.__name__, name, error)
     print(make.__name__, "agrees")
-
-device = Device("cuda")
-values = np.random.default_rng(1).normal(size=(600, 2))
-reduction = Reduction(device)
-assert np.allclose(reduction.sum(device.array(values)), values.sum(axis=0), atol=1e-12)
-assert reduction.max(device.array(values[:, 0])) == values[:, 0].max()
-print("reductions agree")
 """
 
 
@@ -116,7 +108,7 @@ def test_cuda_gives_what_the_cpu_gives():
         [sys.executable, "-c", SCRIPT], capture_output=True, text=True, env=environment, timeout=300
     )
     assert done.returncode == 0, done.stderr[-3000:]
-    assert done.stdout.split("\n")[:10] == [
+    assert done.stdout.splitlines() == [
         "noisy agrees",
         "hot_walls agrees",
         "hot_walls_in_space agrees",
@@ -126,5 +118,4 @@ def test_cuda_gives_what_the_cpu_gives():
         "transported agrees",
         "plates agrees",
         "mirror agrees",
-        "reductions agree",
     ]

@@ -179,7 +179,7 @@ def of_lists_and_reductions(device, recorded, monkeypatch):
             monkeypatch.setattr(module, name, Recorder(getattr(module, name), recorded))
     made = cuda_scan.maxima_of_blocks
     monkeypatch.setattr(cuda_scan, "maxima_of_blocks", lambda kind: Recorder(made(kind), recorded))
-    for side in (4, 40):  # of one tile and more
+    for side in (8, 120):  # of one tile and more
         neighbours = periodic_lattice(side, 2, device=device).neighbours
         f = neighbours.fields
         on_gpu = cuda_list.DeviceList(device, f, 2, 0.1, 1.0)

@@ -13,10 +13,11 @@ import numpy as np
 from numba import cuda as _module
 from numba import from_dtype, int64
 
+from particell.compute.loop import THREADS_PER_BLOCK
+
 cuda: Any = _module  # its stubs know 'atomic' as a class only
 
-#: Threads of a block, a power of two.
-THREADS = 128
+THREADS = THREADS_PER_BLOCK  # a power of two
 #: Numbers of which a thread makes the running sum by itself, and a block.
 EACH = 8
 TILE = EACH * THREADS

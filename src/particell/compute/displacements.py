@@ -31,7 +31,7 @@ def displacement_boxes(c, x, v, dt, x_built, cell_start, low, high, largest, *, 
     largest[c] = biggest
 
 
-@njit
+@njit(inline="always")
 def gap_closed(c, low, high, cells, periodic, cell_width, least_apart, most_moved, DIM):
     """Whether a pair of cell c and a cell within two of it may have come too near, since the build.
 

@@ -34,7 +34,7 @@ from systems import (
 )
 
 HOT = unit_fluid(viscosity=5.0, sound_speed=30.0, temperature=UNIT_TEMPERATURE)
-SMALL = dict(support=2.2, skin=0.3)
+SMALL = {"support": 2.2, "skin": 0.3}
 
 
 def noisy(device):

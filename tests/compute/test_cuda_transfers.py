@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from particell.compute import loop
+from particell.compute.accumulator import WIDTH
 from particell.compute.device import Device
-from particell.compute.reduce import WIDTH
 from particell.geometry.domain import Domain
 from particell.phases import channel_walls, fluid
 from particell.schemes.transport_velocity import TransportVelocity

@@ -8,10 +8,10 @@ import numpy as np
 from numba import cuda as _module
 from numba import int64
 
+from particell.compute.accumulator import WIDTH, carry, whole_parts
 from particell.compute.cuda_scan import BLOCKS, THREADS, Largest
 from particell.compute.device import Device, clear
 from particell.compute.loop import particle_loop
-from particell.compute.reduce import WIDTH, carry, whole_parts
 
 cuda: Any = _module  # its stubs know 'atomic' as a class only
 

@@ -1,19 +1,25 @@
 """What a GPU makes of Particell's loops: agreement with the CPU, speed beside memory bandwidth.
 
-    python benchmarks/gpu.py [--only agreement|speed] [--seconds 240] [--json benchmarks/gpu.json]
+    python benchmarks/gpu.py [--only agreement|speed] [--seconds 330] [--json benchmarks/gpu.json]
 
-Needs a CUDA GPU and the extra 'cuda'. First small systems of every kind are advanced on both
-devices and compared, field by field. Then a Taylor–Green vortex is timed, in 2D and 3D, in float64
-and float32, at growing sizes until the time is up: the sweep over pairs, a build of the neighbour
-list (which is sorted on the host today), and whole steps.
+Needs a CUDA GPU and the extra 'cuda'. First small systems of every kind are started on both
+devices: each sweep is run by itself, then whole steps, and fields are compared. Then a Taylor–Green
+vortex is timed, in 2D and 3D, in float64 and float32, at growing sizes until the time is up: the
+sweep over pairs, the decision whether the neighbour list holds, the sort, a build, whole steps. The
+file is written after each row, so that a run that is killed leaves what it has.
+
+``--dry`` takes a few particles, to see that the script runs (without a GPU on Numba's simulator:
+``NUMBA_ENABLE_CUDASIM=1``).
 """
 
 from __future__ import annotations
 
 import argparse
-import json
+import math
 import time
 from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numba import cuda
@@ -21,10 +27,15 @@ from numba import cuda
 import particell as pc
 from particell.bench import SKIN, SUPPORT, VISCOSITY, vortex
 from particell.compute.device import Device
+from particell.compute.simulator import simulating
 from particell.materials import AVOGADRO, BOLTZMANN
-from particell.schemes.stages import Forces
+from particell.output.files import write_json
 
-SIZES = {2: (100, 316, 1000, 2000), 3: (22, 46, 100)}
+#: Particles along an edge: 1e4 … 4e6 in 2D, 1e4 … 4e6 in 3D.
+SIZES = {2: (100, 316, 1000, 2000), 3: (22, 46, 100, 160)}
+DRY = {2: (7,)}
+#: Bytes that the bandwidth is measured with.
+COPIED = 1 << 30
 
 
 def flow(dim: int, n: int, noise: bool, device: Device) -> pc.Simulation:
@@ -32,9 +43,19 @@ def flow(dim: int, n: int, noise: bool, device: Device) -> pc.Simulation:
     domain = pc.Domain((0,) * dim, (1,) * dim, periodic="xyz"[:dim], depth=1.0)
     temperature = 1e-3 * (1 / n) ** dim / BOLTZMANN
     material = pc.Fluid(1.0, VISCOSITY, temperature=temperature, sound_speed=10.0)
-    options = {"density": "summation"} if noise else {}
+    options: dict[str, Any] = {"density": "summation"} if noise else {}
     scheme = pc.SDPD(support=SUPPORT[dim], fluctuations=noise, skin=SKIN[dim], **options)
     inside = pc.fluid(domain, material, 1 / n, velocity=vortex)
+    return pc.Simulation(domain, inside, scheme, device=device)
+
+
+def hot_channel(device: Device) -> pc.Simulation:
+    """Noise beside walls, at which all scales are one."""
+    domain = pc.Domain((0, 0), (12, 8), periodic="x", depth=1.0)
+    material = pc.Fluid(1.0, 5.0, temperature=1 / BOLTZMANN, sound_speed=30.0)
+    plates = pc.channel_walls(domain, material, 1.0, axis=1)
+    scheme = pc.SDPD(fluctuations=True, density="summation")
+    inside = [pc.fluid(domain, material, 1.0), *plates]
     return pc.Simulation(domain, inside, scheme, device=device)
 
 
@@ -58,25 +79,80 @@ def channel(device: Device) -> pc.Simulation:
     return simulation
 
 
-def differences(make: Callable[[Device], pc.Simulation], steps: int) -> dict[str, float]:
-    """Largest difference of each field between the devices, relative to its largest value."""
-    fields = []
-    for backend in ("cpu", "cuda"):
-        simulation = make(Device(backend))
-        simulation.advance(steps)
-        fields.append({name: simulation.particles.by_id(name) for name in simulation.particles})
-    found = {}
-    for name, here in fields[0].items():
+SYSTEMS: dict[str, Callable[[Device], pc.Simulation]] = {
+    "SDPD 2D": lambda device: flow(2, 20, False, device),
+    "SDPD 2D noise": lambda device: flow(2, 20, True, device),
+    "SDPD 3D": lambda device: flow(3, 10, False, device),
+    "SDPD 3D noise": lambda device: flow(3, 10, True, device),
+    "SDPD noise, walls": hot_channel,
+    "transport velocity, walls, species": channel,
+}
+
+
+class Written:
+    """Results, and the file that they are written to whenever there are more."""
+
+    def __init__(self, path: str | None):
+        self.path, self.found = path, dict[str, Any]()
+
+    def put(self, **more: Any) -> None:
+        """Keep, and write."""
+        self.found |= more
+        if self.path:
+            write_json(Path(self.path), self.found)
+
+
+def gap(one: pc.Simulation, other: pc.Simulation, names: Any) -> tuple[float, str]:
+    """Largest difference of fields relative to their largest values, and whose it is."""
+    worst = (0.0, "")
+    for name in names:
+        here, there = (s.particles.by_id(name).astype(float) for s in (one, other))
         finite = np.isfinite(here)
-        gap = np.abs(here.astype(float) - fields[1][name])[finite].max(initial=0.0)
-        found[name] = float(gap / (np.abs(here[finite]).max(initial=0.0) or 1.0))
+        scale = np.abs(here[finite]).max(initial=0.0) or 1.0
+        worst = max(worst, (float(np.abs(here - there)[finite].max(initial=0.0) / scale), name))
+    return worst
+
+
+def compared(make: Callable[[Device], pc.Simulation], steps: int, precision: str) -> dict[str, Any]:
+    """Differences between the devices after each sweep by itself, then after steps."""
+    here, there = (make(d) for d in (Device(form="gather"), Device("cuda", precision)))
+    found: dict[str, Any] = {}
+    for simulation in (here, there):
+        simulation.start()
+    for sweep in here.solver.descriptions():
+        for simulation in (here, there):
+            flow = simulation.solver.flow
+            flow.bound(sweep)(len(simulation.particles), **flow.numbers(1))
+        found[f"sweep {sweep.name}"] = gap(here, there, sweep.writes())
+    here, there = (make(d) for d in (Device(form="gather"), Device("cuda", precision)))
+    for simulation in (here, there):
+        simulation.advance(steps)
+    found[f"{steps} steps"] = gap(here, there, here.particles)
     return found
 
 
+def agreement(written: Written, dry: bool) -> None:
+    """Of all systems in float64, of those without molecules in float32 too."""
+    found: dict[str, Any] = {}
+    systems = {"SDPD 2D": lambda device: flow(2, 7, False, device)} if dry else SYSTEMS
+    for label, make in systems.items():
+        for precision in ("float64", "float32"):
+            if (dry and found) or (precision == "float32" and make is channel):
+                continue
+            rows = compared(make, 1 if dry else 5, precision)
+            found[f"{label}, {precision}"] = rows
+            written.put(agreement=found)
+            shown = ", ".join(f"{what} {gap:.1e} ({name})" for what, (gap, name) in rows.items())
+            print(f"{label}, {precision}: {shown}", flush=True)
+
+
 def timed(work: Callable[[], object], repeats: int = 5) -> float:
-    """Seconds of the fastest of several calls, each until the GPU is done."""
-    work()
-    best = np.inf
+    """Seconds of the fastest of several calls, each until the GPU is done; of one if simulated."""
+    if simulating():
+        repeats = 1
+    else:
+        work()
+    best = math.inf
     for _ in range(repeats):
         cuda.synchronize()
         begin = time.perf_counter()
@@ -86,90 +162,104 @@ def timed(work: Callable[[], object], repeats: int = 5) -> float:
     return best
 
 
-def bandwidth() -> float:
+def bandwidth(size: int) -> float:
     """Bytes a second that a copy within the GPU's memory reads and writes."""
-    a, b = (cuda.device_array(1 << 27, np.float64) for _ in range(2))
+    a, b = (cuda.device_array(size // 8, np.float64) for _ in range(2))
     return 2 * a.nbytes / timed(lambda: b.copy_to_device(a))
 
 
-def measured(dim: int, n: int, noise: bool, precision: str) -> dict[str, float | str | int]:
+def launches() -> dict[str, float]:
+    """Seconds of the host for one loop over few particles, and for a step of a few."""
+    device = Device("cuda")
+    few, others, order = device.zeros((64, 2)), device.zeros((64, 2)), device.zeros(64, np.int64)
+    simulation = flow(2, 7, False, device)
+    simulation.advance(1)
+    return {
+        "permutation of an array": timed(lambda: device.permute(few, order, others), 20),
+        "step": timed(simulation.solver.step, 20),
+    }
+
+
+def least_bytes(simulation: pc.Simulation, sweep: Any) -> float:
+    """Bytes that a sweep cannot but move: fields read and written once, and its rows."""
+    particles, neighbours = simulation.particles, simulation.neighbours
+    names = {*sweep.reads(), *sweep.reads_of_neighbours(), *sweep.writes()} & set(particles)
+    arrays = sum(particles[name].nbytes for name in names)
+    host = simulation.device.to_host
+    return arrays + 4 * float((host(neighbours.stop) - host(neighbours.start)).sum())
+
+
+def measured(dim: int, n: int, noise: bool, precision: str, copies: float) -> dict[str, Any]:
     """Speeds of one system, in particles a second."""
     simulation = flow(dim, n, noise, Device("cuda", precision))
-    simulation.advance(3)
+    simulation.advance(1 if simulating() else 3)
     solver, number = simulation.solver, len(simulation.particles)
-    row: dict[str, float | str | int] = {
+    neighbours, p = simulation.neighbours, simulation.particles
+    flow_ = solver.flow
+    sweep = next(s for s in solver.descriptions() if s.name in ("forces", "rates"))
+    run, numbers = flow_.bound(sweep), flow_.numbers(0)
+    seconds = timed(lambda: run(number, **numbers))
+    given = (neighbours.cell, p["id"], neighbours.cell_start, neighbours.order)
+    row: dict[str, Any] = {
         "system": f"{dim}D {'noise' if noise else 'no noise'}",
         "precision": precision,
         "particles": number,
-        "sweep": number / timed(lambda: solver.do(Forces(ahead=0))),
+        "sweep": number / seconds,
+        "part of bandwidth": least_bytes(simulation, sweep) / seconds / copies,
+        "decision": number / timed(lambda: neighbours.needs_build(p["x"], p["v"], solver.state.dt)),
+        "sort": number / timed(lambda: neighbours._on_gpu.sort(*given), 2),
         "list": number / timed(solver.build_list, 2),
     }
-    steps = 10
-    builds = simulation.neighbours.builds
-    row["step"] = steps * number / timed(lambda: simulation.advance(steps), 2)
-    row["builds a step"] = (simulation.neighbours.builds - builds) / (3 * steps)
+    steps, builds = 1 if simulating() else 10, neighbours.builds
+    done = solver.state.step
+    row["step"] = steps * number / timed(lambda: [solver.step() for _ in range(steps)], 2)
+    row["builds a step"] = (neighbours.builds - builds) / (solver.state.step - done)
+    simulation.check()
     return row
 
 
-def agreement() -> dict[str, dict[str, float | str]]:
-    """The field of each small system that differs most between the devices, and by how much."""
-    systems: dict[str, tuple[Callable[[Device], pc.Simulation], int]] = {
-        "SDPD 2D": (lambda d: flow(2, 20, False, d), 5),
-        "SDPD 2D noise": (lambda d: flow(2, 20, True, d), 5),
-        "SDPD 3D": (lambda d: flow(3, 10, False, d), 5),
-        "SDPD 3D noise": (lambda d: flow(3, 10, True, d), 5),
-        "transport velocity, walls, species": (channel, 5),
-    }
-    found: dict[str, dict[str, float | str]] = {}
-    for label, (make, steps) in systems.items():
-        gaps = differences(make, steps)
-        worst = max(gaps, key=lambda k: gaps[k])
-        found[label] = {"field": worst, "difference": gaps[worst]}
-        print(f"{label:<36} differs by at most {gaps[worst]:.1e} ('{worst}')", flush=True)
-    return found
-
-
-def speeds(seconds: float) -> list[dict[str, float | str | int]]:
+def speeds(written: Written, until: float, dry: bool) -> None:
     """Rows of :func:`measured`, small systems first, until the time is up."""
-    begin, found = time.perf_counter(), []
-    for k in range(max(map(len, SIZES.values()))):
-        for dim, sizes in SIZES.items():
-            for noise in (False, True):
-                for precision in ("float64", "float32"):
-                    if k >= len(sizes) or time.perf_counter() - begin > seconds:
+    copies = bandwidth(1 << 12 if dry else COPIED)
+    written.put(bandwidth=copies, launches=launches())
+    print(f"copies move {copies / 1e12:.2f} TB/s; {written.found['launches']}", flush=True)
+    rows: list[dict[str, Any]] = []
+    sizes, precisions = (DRY, ("float64",)) if dry else (SIZES, ("float64", "float32"))
+    for k in range(max(map(len, sizes.values()))):
+        for dim, edges in sizes.items():
+            for noise in (False,) if dry else (False, True):
+                for precision in precisions:
+                    if k >= len(edges) or time.monotonic() > until:
                         continue
-                    row = measured(dim, sizes[k], noise, precision)
-                    found.append(row)
+                    row = measured(dim, edges[k], noise, precision, copies)
+                    rows.append(row)
+                    written.put(speed=rows)
+                    parts = ("sweep", "decision", "sort", "list", "step")
+                    shown = ", ".join(f"{w} {row[w] / 1e6:.1f} M/s" for w in parts)
                     print(
-                        f"{row['system']:<12} {row['precision']} {row['particles']:>9}: "
-                        + ", ".join(
-                            f"{w} {row[w] / 1e6:.1f} M/s" for w in ("sweep", "list", "step")
-                        )
-                        + f", {row['builds a step']:.2f} lists a step",
+                        f"{row['system']:<12} {precision} {row['particles']:>9}: {shown}, "
+                        f"{row['builds a step']:.2f} lists a step, "
+                        f"{row['part of bandwidth']:.2f} of the bandwidth",
                         flush=True,
                     )
-    return found
 
 
 def main() -> None:
     """Compare, measure, print."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", choices=["agreement", "speed"])
-    parser.add_argument("--seconds", type=float, default=240)
+    parser.add_argument("--seconds", type=float, default=330)
     parser.add_argument("--json")
+    parser.add_argument("--dry", action="store_true")
     options = parser.parse_args()
-    name = cuda.get_current_device().name
-    found: dict = {"device": name.decode() if isinstance(name, bytes) else name}
+    until = time.monotonic() + options.seconds
+    name: Any = "simulator" if simulating() else cuda.get_current_device().name
+    written = Written(options.json)
+    written.put(device=name.decode() if isinstance(name, bytes) else name, version=pc.__version__)
     if options.only != "speed":
-        found["agreement"] = agreement()
+        agreement(written, options.dry)
     if options.only != "agreement":
-        found["bandwidth"] = bandwidth()
-        print(f"{found['device']}: copies move {found['bandwidth'] / 1e12:.2f} TB/s", flush=True)
-        found["speed"] = speeds(options.seconds)
-    if options.json:
-        with open(options.json, "w") as file:
-            json.dump(found, file, indent=1)
-            file.write("\n")
+        speeds(written, until, options.dry)
 
 
 if __name__ == "__main__":

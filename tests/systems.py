@@ -133,7 +133,8 @@ def transported_lattice(
     noise = np.random.default_rng(5).uniform(-jitter, jitter, points.shape)
     points = (points + noise) % side
     phase = Phase("fluid", material or unit_fluid(), points, 1.0, velocity=velocity)
-    return Simulation(domain, phase, TransportVelocity(**scheme), species=species, dt=dt, seed=seed)
+    made = TransportVelocity(**scheme)
+    return Simulation(domain, phase, made, species=species, dt=dt, seed=seed, device=device)
 
 
 def beside_a_mirror(device=None) -> Simulation:

@@ -74,7 +74,6 @@ class Particles:
         self.fields: dict[str, object] = {}
         self.declared: dict[str, Field] = {}
         self._scratch: dict[tuple, object] = {}
-        self._order = device.zeros(n, np.int64)
         self.add(Field("id", role=GIVEN, kind=np.int64), np.arange(n))
         for field in _always(dim):
             self.add(field)
@@ -186,9 +185,11 @@ class Particles:
             raise unknown_name("group", group, names)
         return (self.by_id("group") if by_id else self.view("group")) == names.index(group)
 
-    def permute(self, order: np.ndarray, *others: Any) -> None:
-        """Put row ``order[k]`` of every field, and of other arrays (n, …), in place k."""
-        self.device.write(self._order, order)
+    def permute(self, order: Any, *others: Any) -> None:
+        """Put row ``order[k]`` of every field, and of other arrays (n, …), in place k.
+
+        ``order`` is an array of the device.
+        """
         for array in (*self.fields.values(), *others):
             rows = array.reshape(self.n, -1)  # type: ignore[attr-defined]
             columns = rows.shape[1]
@@ -196,7 +197,7 @@ class Particles:
             if key not in self._scratch:
                 self._scratch[key] = self.device.zeros((self.n, columns), rows.dtype)
             scratch = self._scratch[key]
-            self.device.permute(rows, self._order, scratch)
+            self.device.permute(rows, order, scratch)
 
 
 def _always(dim: int) -> list[Field]:

@@ -28,10 +28,9 @@ def gather_rows(i, source, order, target, *, COLUMNS):
 
 
 @particle_loop
-def copy_rows(i, source, target, *, COLUMNS):
-    """target[i] = source[i] for arrays of shape (n, COLUMNS)."""
-    for c in range(COLUMNS):
-        target[i, c] = source[i, c]
+def clear(k, numbers):
+    """Zeros."""
+    numbers[k] = 0
 
 
 @checked
@@ -71,7 +70,11 @@ class Device:
         """A new array of zeros (of the device's real type by default)."""
         if self.backend == "cpu":
             return aligned_zeros(shape, np.dtype(dtype or self.real))
-        return self.array(np.zeros(shape, dtype or self.real))
+        from numba import cuda
+
+        made = cuda.device_array(shape, np.dtype(dtype or self.real))
+        clear.specialise(self.backend)(made.size, made.reshape(made.size))
+        return made
 
     def array(self, values: np.ndarray):
         """A copy of a NumPy array on this device."""
@@ -107,11 +110,10 @@ class Device:
         """
         if self.backend == "cpu":
             np.take(rows, order, axis=0, out=scratch, mode="clip")
-            np.copyto(rows, scratch)
-            return
-        columns = rows.shape[1]
-        gather_rows.specialise(self.backend, COLUMNS=columns)(len(rows), rows, order, scratch)
-        copy_rows.specialise(self.backend, COLUMNS=columns)(len(rows), scratch, rows)
+        else:
+            gather = gather_rows.specialise(self.backend, COLUMNS=rows.shape[1])
+            gather(len(rows), rows, order, scratch)
+        self.copy(scratch, rows)
 
     def bind(self, loop: Loop, fields: Mapping[str, Any], **constants: Any) -> Callable[..., None]:
         """Compile a loop and look up its arguments by name once.

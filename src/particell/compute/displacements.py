@@ -5,6 +5,10 @@ The boxes that the displacements of each cell span are compared with those of th
 
 from __future__ import annotations
 
+import math
+
+from numba import njit
+
 from particell.compute.cells import cell_at, cell_gap, cells_around, place_of, wrap_cell
 from particell.compute.loop import particle_loop
 
@@ -27,8 +31,8 @@ def displacement_boxes(c, x, v, dt, x_built, cell_start, low, high, largest, *, 
     largest[c] = biggest
 
 
-@particle_loop
-def closed_gaps(c, low, high, cells, periodic, cell_width, least_apart, most_moved, closed, *, DIM):
+@njit(inline="always")
+def gap_closed(c, low, high, cells, periodic, cell_width, least_apart, most_moved, DIM):
     """Whether a pair of cell c and a cell within two of it may have come too near, since the build.
 
     Particles of cells next to each other: by moving ``most_moved`` (squared) relative to each
@@ -76,4 +80,41 @@ def closed_gaps(c, low, high, cells, periodic, cell_width, least_apart, most_mov
                     near |= apart < least_apart
                 else:
                     near |= moved > most_moved
-    closed[c] = near
+    return near
+
+
+@particle_loop
+def closed_gaps(c, low, high, cells, periodic, cell_width, least_apart, most_moved, closed, *, DIM):
+    """Whether cell c and one near it may have come too near: :func:`gap_closed`."""
+    closed[c] = gap_closed(c, low, high, cells, periodic, cell_width, least_apart, most_moved, DIM)
+
+
+@particle_loop
+def judge_list(
+    c,
+    low,
+    high,
+    cells,
+    periodic,
+    cell_width,
+    least_apart,
+    most_moved,
+    moved,
+    held,
+    compared,
+    call,
+    judged,
+    *,
+    DIM,
+):
+    """``judged[0]`` becomes ``call`` where the list may miss a pair of cell c.
+
+    ``moved[0]`` is the largest displacement, squared; twice that up to ``held`` is harmless, more
+    than ``compared`` is beyond the cells that :func:`gap_closed` looks at.
+    """
+    largest = math.sqrt(moved[0])
+    if 2.0 * largest <= held:
+        return
+    far = not largest < math.inf or largest > compared
+    if far or gap_closed(c, low, high, cells, periodic, cell_width, least_apart, most_moved, DIM):
+        judged[0] = call

@@ -46,7 +46,8 @@ from particell.errors import InputError
 #: it LLVM vectorises sums over neighbours with gather instructions, which are more than twice
 #: slower than scalar loads on processors with the mitigations of recent years.
 FASTMATH = {"contract", "arcp", "nsz"}
-THREADS_PER_BLOCK = 128
+#: Of a GPU; the simulator starts as many of Python's, for the smallest systems too.
+THREADS_PER_BLOCK = 8 if simulating() else 128
 #: Characters that constants may take in the name of a loop; file systems allow 255 in all.
 LONGEST_TAG = 120
 

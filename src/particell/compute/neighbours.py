@@ -30,11 +30,7 @@ from typing import Any
 import numpy as np
 
 from particell.compute.batches import batch_buffer, batch_size
-from particell.compute.cells import (
-    assign_cells,
-    cells_of,
-    counting_sort,
-)
+from particell.compute.cells import assign_cells, cells_of, counting_sort
 from particell.compute.clusters import Clusters
 from particell.compute.device import Device
 from particell.compute.displacements import closed_gaps, displacement_boxes
@@ -122,7 +118,8 @@ class NeighbourList:
         lengths = upper - lower
         cells = cells_of(lengths, width, n)
         self.n, self.number_of_cells = n, int(np.prod(cells))
-        self.narrowest = float((lengths / cells)[cells > 1].min(initial=np.inf))
+        narrowest = float((lengths / cells)[cells > 1].min(initial=np.inf))
+        self._farthest = narrowest - 0.5 * support  # the displacement that makes others near
         reals, array = device.zeros, device.array
         self.fields: dict[str, Any] = _Parts()
         self.fields |= {
@@ -144,10 +141,7 @@ class NeighbourList:
             "most_moved": (SAFETY * skin) ** 2,
             "least_apart": (support + (1.0 - SAFETY) * skin) ** 2,
         }
-        self.order, self._first_of_cell = (
-            np.zeros(n, np.int64),
-            np.zeros(len(self.cell_start), np.int64),
-        )
+        self.order = device.zeros(n, np.int64)
         self.capacity = self.builds = self.renewals = 0
         clustered = device.backend == "cpu" and device.form != "gather"
         self._clusters = Clusters(self, lengths) if clustered else None
@@ -159,6 +153,11 @@ class NeighbourList:
         self._find_walls = bind(find_walls, f)
         self._boxes = bind(displacement_boxes, f, **only)
         self._compare = bind(closed_gaps, f, **only)
+        self._on_gpu: Any = None
+        if device.backend == "cuda":
+            from particell.compute.cuda_list import DeviceList
+
+            self._on_gpu = DeviceList(device, f, dim, SAFETY * skin, self._farthest)
 
     def __getattr__(self, name: str):
         try:
@@ -192,10 +191,10 @@ class NeighbourList:
 
     def _make(self, particles: Particles) -> None:
         """Sort all fields and list neighbours by the positions ``x_built``."""
-        n, x, host = self.n, self.x_built, self.device.to_host
+        n, x = self.n, self.x_built
         self._assign(n, x)
-        counting_sort(host(self.cell), host(particles["id"]), self._first_of_cell, self.order)
-        self.device.write(self.cell_start, self._first_of_cell)
+        sort = self._on_gpu.sort if self._on_gpu else counting_sort
+        sort(self.cell, particles["id"], self.cell_start, self.order)
         particles.permute(self.order, x)
         self._assign(n, x)
         if self.constants["WALLS"]:
@@ -211,15 +210,17 @@ class NeighbourList:
     def needs_build(self, x, v, dt: float) -> bool:
         """Whether a pair outside the list may be within its support after a move by ``dt v``."""
         self._boxes(self.number_of_cells, x, v, dt)
-        largest = math.sqrt(float(self.device.to_host(self.fields["largest"]).max()))
+        if self._on_gpu:
+            return self._on_gpu.worn_out()
+        largest = math.sqrt(float(self.fields["largest"].max()))
         if not largest < math.inf:
             return True
         if 2 * largest <= SAFETY * self.skin:
             return False
-        if largest > self.narrowest - 0.5 * self.support:  # of cells that are not compared
+        if largest > self._farthest:  # of cells that are not compared
             return True
         self._compare(self.number_of_cells)
-        return bool(self.device.to_host(self.fields["closed"]).any())
+        return bool(self.fields["closed"].any())
 
     def saved(self) -> dict[str, Any]:
         """What :meth:`restore` makes the same list from, beside the fields of the particles."""
@@ -270,10 +271,14 @@ class NeighbourList:
                 self._find(self.n, position, p["support"], p["is_wall"])
             else:
                 self._rows(self._clusters.number)
-            needed = int(self.device.to_host(self.found).max(initial=0)) + 1
+            needed = self._longest_row() + 1
             if needed <= self.capacity:
                 return
             self._reserve(int(needed * 1.15) + 4)
+
+    def _longest_row(self) -> int:
+        """Neighbours of the particle that has most."""
+        return self._on_gpu.longest(self.found) if self._on_gpu else int(self.found.max(initial=0))
 
 
 class _Parts(dict):

@@ -1,53 +1,26 @@
 """Sums and maxima over particles that depend on the values alone.
 
 Real numbers are summed exactly and rounded once: whatever the order in memory, the number of
-threads or the split among processes, the result is that of :func:`math.fsum`. Each number is put
-as an integer into an accumulator of bins of 32 bits that spans all of double precision (Kulisch);
-bins are 64-bit integers, whose sum depends on no order. Every global quantity (energy, momentum,
-amounts, and means that feed back into the motion) goes through :class:`Reduction`.
-
-References
-----------
-Kulisch, Computer Arithmetic and Validity (2008), chapter 8.
+threads or the split among processes, the result is that of :func:`math.fsum`
+(:mod:`particell.compute.accumulator`). Every global quantity (energy, momentum, amounts, and means
+that feed back into the motion) goes through :class:`Reduction`.
 """
 
 from __future__ import annotations
 
-import math
+import functools
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from particell.compute.accumulator import WIDTH, carry, rounded, whole_parts
 from particell.compute.communicator import Alone, Communicator
 from particell.compute.device import Device
 from particell.compute.loop import particle_loop
 
-BLOCK = 256
-#: Bin b counts 2^(32 b - 1088): a number of 53 bits lies in three, the largest in the 65th to 67th.
-BINS = 70
-#: What is no number has bins of its own: how often it was added.
-INFINITE, MINUS_INFINITE, NOT_A_NUMBER = BINS, BINS + 1, BINS + 2
-WIDTH = BINS + 3
 #: Lanes in which numbers are added, so that threads share the work; a lane takes less than 2^29.
-LANES = {"cpu": 64, "cuda": 4096}
+LANES = 64
 FEW = 512
-
-_LOW = np.int64(0xFFFFFFFF)
-_FRACTION = np.int64(0xFFFFFFFFFFFFF)
-_HIDDEN = np.int64(1 << 52)
-_32 = np.int64(32)
-#: One, in units of the first bin.
-UNIT = 1 << 1088
-
-
-@njit(inline="always")
-def carry(bins, row):
-    """Bring the bins of a row between 0 and 2^32 - 1, but for the last, which has the sign."""
-    for b in range(BINS - 1):
-        over = bins[row, b] >> _32
-        bins[row, b] -= over << _32
-        bins[row, b + 1] += over
 
 
 @particle_loop
@@ -63,27 +36,10 @@ def accumulate(lane, values, lanes, bins):
         for b in range(WIDTH):
             bins[row, b] = 0
         for i in range(first, last):
-            word = np.float64(values[i, c]).view(np.int64)
-            exponent = np.int64((word >> np.int64(52)) & np.int64(0x7FF))
-            fraction = word & _FRACTION
-            if exponent == 0x7FF:
-                special = NOT_A_NUMBER
-                if fraction == 0:
-                    special = INFINITE if word >= 0 else MINUS_INFINITE
-                bins[row, special] += 1
-                continue
-            if exponent != 0:  # else a denormal number
-                fraction |= _HIDDEN
-            # the number is fraction 2^(max(exponent, 1) - 1075)
-            place = max(exponent, np.int64(1)) + np.int64(13)
-            low_bin = place >> np.int64(5)
-            shift = place & np.int64(31)
-            low = (fraction & _LOW) << shift
-            high = (fraction >> _32) << shift
-            sign = np.int64(1) if word >= 0 else np.int64(-1)
-            bins[row, low_bin] += sign * (low & _LOW)
-            bins[row, low_bin + 1] += sign * ((low >> _32) + (high & _LOW))
-            bins[row, low_bin + 2] += sign * (high >> _32)
+            b, low, middle, high = whole_parts(values[i, c])
+            bins[row, b] += low
+            bins[row, b + 1] += middle
+            bins[row, b + 2] += high
         carry(bins, row)
 
 
@@ -109,36 +65,6 @@ def gather_lanes(k, bins, lanes, total):
     total[c, b] = found
 
 
-@particle_loop
-def block_maxima(b, values, n_rows, partial, *, BLOCK):
-    """Largest of ``values[b*BLOCK : (b+1)*BLOCK]`` into ``partial[b, 0]``; NaN where one is NaN."""
-    first = b * BLOCK
-    last = min(first + BLOCK, n_rows)
-    best = values[first]
-    for i in range(first + 1, last):
-        if not values[i] <= best:  # a NaN too, and then it stays: it compares with nothing
-            best = values[i] if best == best else best
-    partial[b, 0] = best
-
-
-def rounded(bins: np.ndarray) -> float:
-    """The number nearest to what a row of WIDTH bins holds (to the even one of two)."""
-    infinite, minus_infinite, not_a_number = bins[BINS:]
-    if not_a_number or (infinite and minus_infinite):
-        return math.nan
-    if infinite or minus_infinite:
-        return math.inf if infinite else -math.inf
-    low = (bins[:BINS] & 0xFFFFFFFF).astype("<u4").tobytes()
-    over = bins[:BINS] >> 32
-    high = over[:-1].astype("<u4").tobytes()
-    whole = int.from_bytes(high, "little") + (int(over[-1]) << (32 * (BINS - 1)))
-    whole = int.from_bytes(low, "little") + (whole << 32)
-    try:
-        return whole / UNIT
-    except OverflowError:
-        return math.inf if whole > 0 else -math.inf
-
-
 class Reduction:
     """Sums and maxima of per-particle values: arrays of the device, or NumPy's.
 
@@ -154,42 +80,45 @@ class Reduction:
         self.device = device
         self.communicator: Communicator = communicator or Alone()
         self._host = device if device.backend == "cpu" else Device()
-        self._most_lanes = LANES[device.backend]
+        self._most_lanes = LANES
         self._work: dict[tuple, Any] = {}
 
-    def _place(self, values) -> Device:
-        """Where values are."""
-        return self._host if isinstance(values, np.ndarray) else self.device
+    @functools.cached_property
+    def _on_gpu(self) -> Any:
+        from particell.compute.cuda_reduce import DeviceReduction
 
-    def _array(self, device: Device, *shape: int, dtype: Any = np.int64):
+        return DeviceReduction(self.device)
+
+    def _array(self, *shape: int):
         """Room to work in, made once."""
-        key = (device.backend, *shape, np.dtype(dtype))
-        if key not in self._work:
-            self._work[key] = device.zeros(shape, dtype)
-        return self._work[key]
+        if shape not in self._work:
+            self._work[shape] = self._host.zeros(shape, np.int64)
+        return self._work[shape]
 
     def sum(self, values) -> np.ndarray:
         """Column sums of an array of shape (n, columns); returns shape (columns,).
 
         Of real numbers they are exact and rounded once, to float64; whole numbers are int64.
         """
+        here = isinstance(values, np.ndarray)
+        total = self._sum_here(values) if here else self.device.to_host(self._on_gpu.sum(values))
+        found = self.communicator.sum(total)
+        real = values.dtype.kind == "f"
+        return np.array([rounded(row) for row in found]) if real else np.array(found[:, 0])
+
+    def _sum_here(self, values: np.ndarray) -> np.ndarray:
+        """Bins (columns, WIDTH) of real numbers, sums (columns, 1) of whole ones."""
         rows, columns = values.shape
-        real, device = values.dtype.kind == "f", self._place(values)
+        real = values.dtype.kind == "f"
         width = WIDTH if real else 1
         lanes = max(1, min(self._most_lanes, rows // FEW))
-        bins = self._array(device, lanes * columns, width)
-        total = self._array(device, columns, width)
-        add = (accumulate if real else sum_integers).specialise(device.backend)
+        bins, total = self._array(lanes * columns, width), self._array(columns, width)
+        add = (accumulate if real else sum_integers).specialise("cpu")
         add(lanes, values, lanes, bins)
-        gather_lanes.specialise(device.backend)(columns * width, bins, lanes, total)
-        found = self.communicator.sum(device.to_host(total))
-        return np.array([rounded(row) for row in found]) if real else np.array(found[:, 0])
+        gather_lanes.specialise("cpu")(columns * width, bins, lanes, total)
+        return total
 
     def max(self, values) -> float:
         """Largest of a non-empty array of shape (n,); NaN where one is NaN."""
-        if isinstance(values, np.ndarray):
-            return self.communicator.maximum(float(values.max()))
-        partial = self._array(self.device, -(-len(values) // BLOCK), 1, dtype=values.dtype)
-        find = block_maxima.specialise(self.device.backend, BLOCK=BLOCK)
-        find(len(partial), values, len(values), partial)
-        return self.communicator.maximum(float(self.device.to_host(partial).max()))
+        here = isinstance(values, np.ndarray)
+        return self.communicator.maximum(float(values.max()) if here else self._on_gpu.max(values))

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 import sympy
 from numba import njit
-from particell.laws.dimensions import SCALARS, VECTORS, check_units
 
 from claims import CLAIMS, ELSEWHERE, EVERY, FIELDS, IDS, LAWS, ROOT
 from cloud import FORMS, Cloud, Renamed, summed, width
 from particell.compute.expressions import Vector, components, symbol
 from particell.laws import Values, continuity, pair_of
+from particell.laws.dimensions import SCALARS, VECTORS, check_units
 from particell.laws.fluctuations import ThermalNoise, pair_numbers
 from particell.laws.species_flux import species_flux
 from particell.laws.viscosity import Viscosity

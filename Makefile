@@ -1,7 +1,8 @@
 # What a newcomer and the checks run. Needs Python 3.11 or newer, and make.
 #
 #   make demo     the yeast channel, with trajectory, figures and summary in out/yeast
-#   make test     lint, types and all tests
+#   make test     lint, types and tests
+#   make test-long  further variants of the tests, which take long
 #   make docs     this program's documentation, as a web site in site/
 #   make notebooks   executes the notebooks in docs/notebooks and keeps what they show
 #   make clean    removes what these targets have made
@@ -18,7 +19,7 @@ PYTEST_FLAGS ?= -n auto --maxprocesses 4 --dist worksteal
 BIN = $(VENV)/bin
 PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: demo test lint types tests docs docs-tools notebooks clean
+.PHONY: demo test test-long lint types tests docs docs-tools notebooks clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/.run
@@ -35,6 +36,9 @@ types: $(VENV)/.test
 
 tests: $(VENV)/.test
 	$(BIN)/python -m pytest $(PYTEST_FLAGS)
+
+test-long: $(VENV)/.test
+	$(BIN)/python -m pytest $(PYTEST_FLAGS) -m long
 
 docs: $(VENV)/.docs
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict --site-dir "$(abspath $(SITE))"

@@ -16,7 +16,7 @@ runpy.run_path(sys.argv[0], run_name="__main__")
 """
 
 
-def lines_on_simulator(script: str, *arguments: str, timeout: float = 300) -> list[str]:
+def lines_on_simulator(script: str, *arguments: str, timeout: float = 600) -> list[str]:
     """What a script prints, line by line; it must end well."""
     tests = Path(__file__).resolve().parent
     path = os.pathsep.join([str(tests), *filter(None, [os.environ.get("PYTHONPATH")])])

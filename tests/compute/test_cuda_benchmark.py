@@ -20,6 +20,9 @@ def test_the_benchmark_runs(tmp_path):
     assert found["device"] == "simulator"
     (rows,) = found["agreement"].values()
     assert {"sweep forces", "sweep density_rates", "1 steps"} <= set(rows)
+    # pressures are c₀² = 100 times what is left of 1 + ε: 1e-14 of 0.1 from a density's last bit
+    steps, _ = rows.pop("1 steps")
+    assert steps < 1e-11
     assert all(gap < 1e-13 for gap, _ in rows.values())
     (row,) = found["speed"]
     assert all(row[part] > 0 for part in ("sweep", "decision", "sort", "list", "step"))

@@ -139,7 +139,7 @@ def test_numbers_that_are_in_other_files_are_refused(place, monkeypatch, capsys,
 
 
 def test_a_run_that_a_script_made_is_drawn_and_says_how_it_goes_on(place, capsys):
-    box = pc.Domain((0, 0), (4, 4), "xy", depth=1.0)
+    box = pc.Domain((0, 0), (8, 8), "xy", depth=1.0)
     wall = pc.Fluid(1.0, 0.1, sound_speed=10.0)
     made = pc.Simulation(box, pc.fluid(box, wall, 1.0), pc.Static(), [pc.Species("C", 0.1)])
     made.run(0.2, 0.1, "script", progress=False)

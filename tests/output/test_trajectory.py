@@ -175,4 +175,4 @@ def test_large_frames_are_compressed_and_stay_so(tmp_path):
         assert still.id.get_storage_size() < still.nbytes / 100 and still.shape == (2, n, 3)
         assert np.array_equal(file["particles/all/position/value"][1], frame["position"])
         assert file["observables/a/value"].compression is None
-    assert path.stat().st_size < 3 * frame["position"].nbytes
+    assert path.stat().st_size < 3.5 * frame["position"].nbytes  # plain: 4, and what is constant

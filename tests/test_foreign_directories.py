@@ -9,6 +9,7 @@ import h5py
 import numpy as np
 import pytest
 
+import particell as pc
 from particell import cases
 from particell.cases.directories import read_case, replot, resume
 from particell.cases.ensembles import read_ensemble
@@ -135,3 +136,23 @@ def test_numbers_that_are_in_other_files_are_refused(place, monkeypatch, capsys,
     seal("good.h5")
     with pytest.raises(CheckpointError, match="other"):
         read_checkpoint("good.h5")
+
+
+def test_a_run_that_a_script_made_is_drawn_and_says_how_it_goes_on(place, capsys):
+    box = pc.Domain((0, 0), (8, 8), "xy", depth=1.0)
+    wall = pc.Fluid(1.0, 0.1, sound_speed=10.0)
+    made = pc.Simulation(box, pc.fluid(box, wall, 1.0), pc.Static(), [pc.Species("C", 0.1)])
+    made.run(0.2, 0.1, "script", progress=False)
+    capsys.readouterr()
+    assert call(["plot", "script"]) == 0
+    drawn = capsys.readouterr().out.split()
+    assert "script/observables.png" in drawn and "script/concentration-C.png" in drawn
+    assert all((place / path).stat().st_size for path in drawn)
+    assert "read_checkpoint('script/checkpoint.h5')" in refused(capsys, "resume script")
+    groups = Run("script").parameters["groups"]
+    assert [(g["name"], g["kind"], g["surface"]) for g in groups] == [("fluid", "fluid", None)]
+    with h5py.File("script/run.h5", "r+") as file:
+        del file["parameters/run"]
+        file["parameters/run"] = "[" * 10_000
+    with pytest.raises(InputError, match="JSON of a table"):
+        _ = Run("script").parameters

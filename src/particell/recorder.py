@@ -62,6 +62,28 @@ def _check_identity(found: Any) -> None:
     whole("step of the last frame", found["step"])
 
 
+def groups_of(simulation: Runnable) -> list[dict[str, Any]]:
+    """The groups: name, kind, material, the body or wall that they fill, and how that moves."""
+    found = []
+    for phase, group in zip(simulation.phases, simulation.particles.groups, strict=True):
+        motion = simulation.walls.motions.get(group.name)
+        found.append(
+            {
+                "name": group.name,
+                "kind": group.kind,
+                "material": repr(simulation.materials[group.material]),
+                "surface": None if phase.surface is None else repr(phase.surface),
+                "motion": None if motion is None else repr(motion),
+            }
+        )
+    return found
+
+
+def _text_of(simulation: Runnable) -> str:
+    """What a trajectory says of the run."""
+    return json.dumps(plain({**simulation.settings, "groups": groups_of(simulation)}))
+
+
 class Recorder:
     """Takes frames and checkpoints.
 
@@ -109,7 +131,9 @@ class Recorder:
                 simulation.domain,
                 simulation.static_frame(),
                 simulation.group_names,
-                parameters=json.dumps(plain(simulation.settings)),
+                parameters=json.dumps(
+                    plain({**simulation.settings, "groups": groups_of(simulation)})
+                ),
                 points=self.points,
                 units=snapshot.units_of(simulation),
                 identity={"run_id": simulation.run_id, "seed": int(simulation.seed)},

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import particell as pc
 from particell.chemistry import lawcode
-from particell.chemistry.formula import Call, Number, Operation, Symbol, call, operation
+from particell.chemistry.formula import Call, Number, Operation, Symbol, call, extent, operation
 from particell.chemistry.lawcode import Law, dispatcher
 from particell.chemistry.polynomials import MOST_TERMS, polynomial, split
 from particell.compute import cache
@@ -162,3 +163,24 @@ def test_laws_are_plain_functions_in_kernels():
     choose = dispatcher(laws(2.0), "C, k")
     assert choose(1, [0.0, 1.0], 1.0) == pytest.approx(np.e)
     assert cuda_python(evaluate, {"LAW": choose}).__globals__["LAW"] is choose
+
+
+def test_laws_that_no_compiler_gets_through_are_refused():
+    """Nested too deeply, and written out larger than any memory."""
+    deep = wide = Symbol("A")
+    for _ in range(200):
+        deep = Call("sin", (deep,))
+    for _ in range(60):
+        wide = Operation("+", wide, wide)
+    assert extent(wide) == (2**61 - 1, 61)
+    for tree in (deep, wide):
+        with pytest.raises(InputError, match="at most 20000 parts, nested at most 150 times"):
+            Law(tree).body(["A"])
+
+
+def test_more_species_than_anybody_has():
+    box = pc.Domain((0,), (10,), "x", depth=1.0)
+    many = [pc.Species(f"S{k}") for k in range(1001)]
+    phase = pc.fluid(box, pc.Fluid(1.0, 0.1, sound_speed=1.0), 1.0)
+    with pytest.raises(InputError, match=r"number of species = 1001 .* at most 1000"):
+        pc.Simulation(box, phase, pc.Static(), many)

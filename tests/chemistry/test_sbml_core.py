@@ -396,3 +396,22 @@ def test_an_irreversible_difference_of_molecules(read):
     )
     assert back(np.array([4]), 0.07, 1.0) == pytest.approx(-5 * m.sin(4))
     assert any("one direction at a time" in note for note in model.notes)
+
+
+def test_functions_that_grow_without_end_are_refused(tmp_path):
+    """Thirty functions that each call the one before twice would be 10⁹ parts."""
+    body = f'<math xmlns="{MATHML}"><lambda><bvar><ci> x </ci></bvar>'
+    functions = (
+        f'<functionDefinition id="f0">{body}<ci> x </ci></lambda></math></functionDefinition>'
+    )
+    for k in range(30):
+        twice = f"<apply><ci> f{k} </ci><ci> x </ci></apply>"
+        functions += (
+            f'<functionDefinition id="f{k + 1}">{body}<apply><plus/>{twice}{twice}</apply></lambda>'
+            "</math></functionDefinition>"
+        )
+    functions = f"<listOfFunctionDefinitions>{functions}</listOfFunctionDefinitions>"
+    law = reaction("r", "A", "", "(* cell (f30 A))").replace("<f30/>", "<ci> f30 </ci>")
+    file = write(tmp_path / "f.xml", [species("A", "Concentration=1")], [law], functions=functions)
+    with pytest.raises(InputError, match="at most 20000 parts"):
+        pc.read_sbml(file)

@@ -11,6 +11,7 @@ import pytest
 import sample_run as sample
 
 from particell.errors import InputError
+from particell.geometry.domain import Domain
 from particell.output.files import OutputError
 from particell.output.run import Run
 from particell.output.trajectory import TrajectoryWriter
@@ -155,3 +156,23 @@ def test_frames_must_be_alike(tmp_path):
         with pytest.raises(ValueError, match="shape"):
             writer.append(20, 1.0, shorter, sample.observables(2))
     assert_frames(tmp_path / "run.h5", 2)
+
+
+def test_large_frames_are_compressed_and_stay_so(tmp_path):
+    """Of what fills a chunk by itself; one of several frames would be written elsewhere anew."""
+    n, path = 4000, tmp_path / "run.h5"
+    static = {"id": np.arange(n), "group": np.zeros(n, np.int32), "mass": np.ones(n)}
+    frame = {"position": np.random.default_rng(1).random((n, 3)), "still": np.zeros((n, 3))}
+    box = Domain((0, 0, 0), (1, 1, 1), "xyz")
+    with TrajectoryWriter(path, box, static, ["all"]) as writer:
+        for k in range(3):
+            writer.append(k, float(k), frame, {"a": float(k)})
+    with TrajectoryWriter.resume(path, 1):
+        pass
+    with h5py.File(path) as file:
+        still = file["particles/all/still/value"]
+        assert (still.compression, still.compression_opts, still.shuffle) == ("gzip", 1, True)
+        assert still.id.get_storage_size() < still.nbytes / 100 and still.shape == (2, n, 3)
+        assert np.array_equal(file["particles/all/position/value"][1], frame["position"])
+        assert file["observables/a/value"].compression is None
+    assert path.stat().st_size < 3.5 * frame["position"].nbytes  # plain: 4, and what is constant

@@ -14,7 +14,7 @@ from particell.cases.base import Case, Context
 from particell.cases.files import with_settings
 from particell.errors import InputError
 from particell.output.files import read_json, reason
-from particell.output.run import CASE, CHECKPOINT, Run
+from particell.output.run import CASE, CHECKPOINT, TRAJECTORY, Run
 
 
 def resume(
@@ -62,11 +62,28 @@ def ending_at(case: Case, until: object) -> Case:
 def replot(directory: str | Path, kind: type[Case] | str | None = None) -> list[Path]:
     """Draw the figures of a directory again; gives the paths of the PNG files.
 
-    ``kind`` is the class of a case that is not built in, as for :func:`read_case`.
+    Of a run that a script has made, figures of everything are drawn. ``kind`` is the class of a
+    case that is not built in, as for :func:`read_case`.
     """
     directory = Path(directory)
+    by_script = kind is None and not os.path.exists(directory / CASE)
+    if by_script and os.path.isfile(directory / TRAJECTORY):
+        return figures_of_any(Run(directory), directory)
     case, _ = read_case(directory, kind)
     return case.figures(Run(directory), directory)
+
+
+def figures_of_any(run: Run, directory: Path) -> list[Path]:
+    """Figures of a run that no case knows: all observables, and the fields of the last frame."""
+    found = []
+    if run.observable_names:
+        found.append(directory / "observables.png")
+        run.plot.series(path=found[-1])
+    for name in run.field_names:
+        if name.partition("/")[0] not in ("position", "image"):
+            found.append(directory / f"{name.replace('/', '-')}.png")
+            run.plot.scatter(name, path=found[-1])
+    return found
 
 
 def read_case(directory: str | Path, kind: type[Case] | str | None = None) -> tuple[Case, Context]:

@@ -14,6 +14,9 @@ from particell.cases.base import Case
 from particell.errors import InputError, unknown_name
 from particell.output.files import reason
 
+#: A case file is written by hand, or by a script in a few loops.
+MOST_BYTES = 10_000_000
+
 
 def read_case_file(path: str | Path) -> tuple[type[Case], dict[str, Any]]:
     """Class and parameters from a TOML file.
@@ -28,11 +31,16 @@ def read_case_file(path: str | Path) -> tuple[type[Case], dict[str, Any]]:
     """
     try:
         with open(path, "rb") as handle:
-            content = tomllib.loads(handle.read().decode("utf-8-sig"))  # editors mark UTF-8
+            text = handle.read(MOST_BYTES + 1)
+        if len(text) > MOST_BYTES:
+            raise InputError("case file", str(path), f"a file of at most {MOST_BYTES} bytes")
+        content = tomllib.loads(text.decode("utf-8-sig"))  # editors mark UTF-8
     except OSError as error:
         raise InputError("case file", str(path), f"a readable file ({reason(error)})") from None
     except RecursionError:
         raise InputError("case file", str(path), "nested less deeply") from None
+    except InputError:
+        raise
     except ValueError as error:  # of TOML, of the text's encoding, of numbers too long
         raise InputError("case file", str(path), f"valid TOML ({reason(error)})") from None
     if not {"case", "parameters"} & set(content):

@@ -129,6 +129,8 @@ class Call:
 
 
 Tree = Number | Symbol | Time | Operation | Call
+#: Parts of a formula, at most, and how deep they may be in each other to become a program.
+MOST_PARTS, MOST_DEPTH = 20_000, 150
 ZERO, ONE = Number(0.0), Number(1.0)
 
 
@@ -187,6 +189,26 @@ def children(tree: Tree) -> tuple[Tree, ...]:
     if isinstance(tree, Operation):
         return tree.left, tree.right
     return tree.arguments if isinstance(tree, Call) else ()
+
+
+def extent(tree: Tree) -> tuple[int, int]:
+    """How many parts a tree has when it is written out, and how deep they are in each other.
+
+    A tree may have parts in common: written out it can be larger than any memory.
+    """
+    found: dict[int, tuple[int, int]] = {}
+    waiting = [tree]
+    while waiting:
+        node = waiting[-1]
+        inner = [found.get(id(child)) for child in children(node)]
+        if None in inner:
+            waiting += [child for child in children(node) if id(child) not in found]
+            continue
+        waiting.pop()
+        sizes = [pair for pair in inner if pair is not None]
+        size = 1 + sum(size for size, _ in sizes)
+        found[id(node)] = size, 1 + max((depth for _, depth in sizes), default=0)
+    return found[id(tree)]
 
 
 def nodes(tree: Tree) -> Iterator[Tree]:

@@ -21,6 +21,8 @@ from numba.extending import overload
 
 from particell.chemistry.formula import (
     FUNCTIONS,
+    MOST_DEPTH,
+    MOST_PARTS,
     Call,
     Number,
     Operation,
@@ -28,11 +30,12 @@ from particell.chemistry.formula import (
     Time,
     Tree,
     children,
+    extent,
     nodes,
     symbols,
     timed,
 )
-from particell.errors import unknown_name
+from particell.errors import InputError, unknown_name
 from particell.materials import AVOGADRO
 
 #: Whole powers up to this one are multiplied out, exactly.
@@ -91,6 +94,11 @@ class Law:
         """
         columns = {name: k for k, name in enumerate(names)}
         trees = [self.tree] if self.taken is None else [self.tree, self.taken]
+        for tree in trees:
+            size, depth = extent(tree)
+            if size > MOST_PARTS or depth > MOST_DEPTH:
+                allowed = f"of at most {MOST_PARTS} parts, nested at most {MOST_DEPTH} times"
+                raise InputError("rate law", f"of {size} parts, nested {depth} times", allowed)
         for tree in trees:
             for name in symbols(tree):
                 if name not in columns:

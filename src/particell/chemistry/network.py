@@ -135,6 +135,10 @@ def pair_diffusivity(diffusivity: np.ndarray, status: np.ndarray) -> np.ndarray:
     return mean
 
 
+#: What tables of every group and loops over all of it are made for.
+MOST = {"species": 1000, "reactions": 10_000}
+
+
 def build_tables(
     species: Sequence[Species],
     reactions: Sequence[Reaction],
@@ -149,6 +153,9 @@ def build_tables(
         For unknown names, doubled species, reactions that take place nowhere, and rate laws that
         do not fit the kind of their species.
     """
+    for what, given in (("species", species), ("reactions", reactions)):
+        if len(given) > MOST[what]:
+            raise InputError(f"number of {what}", len(given), f"at most {MOST[what]}")
     known = {s.name: s for s in species}
     if len(known) < len(species):
         raise InputError("species", [s.name for s in species], "distinct names")

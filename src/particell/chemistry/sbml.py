@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING, Any
 from particell.chemistry.formula import Tree, value
 from particell.chemistry.reactions import Reaction
 from particell.chemistry.sbml_laws import Laws
+from particell.chemistry.sbml_math import refuse_growth
 from particell.chemistry.sbml_symbols import Symbols, items
 from particell.chemistry.sbml_units import Units
 from particell.chemistry.species import Species
@@ -242,6 +243,7 @@ def _document(text: str, path: Path) -> tuple[Any, list[str]]:
         # libSBML's plugin for the functions that version 2 of level 3 has is no package of a file
         if name != "l3v2extendedmath" and document.getPackageRequired(name):
             raise InputError("SBML package", name, "left out: only core SBML is read")
+    refuse_growth(document.getModel())  # which libSBML would follow to its end
     document.checkConsistency()
     notes = _raise_errors(path, document)
     return document, notes

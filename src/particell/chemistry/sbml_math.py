@@ -8,12 +8,25 @@ from functools import cache, reduce
 from itertools import pairwise
 from typing import Any
 
-from particell.chemistry.formula import ONE, ZERO, Call, Number, Tree, call, operation
+from particell.chemistry.formula import (
+    MOST_PARTS,
+    ONE,
+    ZERO,
+    Call,
+    Number,
+    Tree,
+    call,
+    extent,
+    operation,
+)
 from particell.chemistry.polynomials import root
 from particell.errors import InputError
 from particell.materials import AVOGADRO
 
 Lookup = Callable[[str], Tree]
+TOO_LARGE = f"one of at most {MOST_PARTS} parts"
+#: The same of functions, by an estimate that may be too large.
+MOST_WRITTEN_OUT = 1_000_000
 #: Functions within functions.
 DEEPEST = 50
 #: What has no value: NaN.
@@ -37,6 +50,42 @@ _CHAINS = {"FUNCTION_MAX": "maximum", "FUNCTION_MIN": "minimum", "LOGICAL_AND": 
 _EMPTY = {"PLUS": 0.0, "TIMES": 1.0, "LOGICAL_AND": 1.0, "LOGICAL_OR": 0.0, "LOGICAL_XOR": 0.0}
 _CONSTANTS = {"CONSTANT_E": math.e, "CONSTANT_PI": math.pi, "CONSTANT_TRUE": 1.0,
               "CONSTANT_FALSE": 0.0, "NAME_AVOGADRO": AVOGADRO}  # fmt: skip
+
+
+def refuse_growth(model: Any) -> None:
+    """Refuse functions of a file that call each other until nobody can follow.
+
+    Raises
+    ------
+    InputError
+        Naming the function that is too large with all that it calls, or calls itself.
+    """
+    definitions = model.getListOfFunctionDefinitions()
+    functions = {f.getId(): f.getMath() for f in (definitions[k] for k in range(len(definitions)))}
+    sizes: dict[str, int] = {}
+
+    def size(node: Any, within: tuple[str, ...]) -> int:
+        total = 1 + sum(size(node.getChild(k), within) for k in range(node.getNumChildren()))
+        name = node.getName()
+        if node.isFunction() and name in functions and functions[name] is not None:
+            total *= size_of(name, within)
+        if total > MOST_WRITTEN_OUT:
+            raise InputError(f"function '{within[-1]}'", "with all that it calls", TOO_LARGE)
+        return total
+
+    def size_of(name: str, within: tuple[str, ...]) -> int:
+        if name in within:
+            raise InputError(f"function '{name}'", "one that calls itself", TOO_LARGE)
+        if name not in sizes:
+            sizes[name] = size(functions[name], (*within, name))
+        return sizes[name]
+
+    try:
+        for name, body in functions.items():
+            if body is not None:
+                size_of(name, ())
+    except RecursionError:
+        raise InputError("functions", "nested", "nested less deeply") from None
 
 
 @cache
@@ -87,7 +136,13 @@ def tree_of(
         bound = {body.getChild(k).getName(): a for k, a in enumerate(arguments)}
         return build(body.getChild(last), lambda n: bound[n] if n in bound else lookup(n), depth)
 
+    left = MOST_PARTS
+
     def build(part: Any, lookup: Lookup, depth: int) -> Tree:
+        nonlocal left
+        left -= 1
+        if left < 0:
+            raise InputError(where, "a formula with all its functions", TOO_LARGE)
         kind = _names().get(part.getType(), "")
         if kind == "NAME":
             return lookup(part.getName())
@@ -113,7 +168,13 @@ def tree_of(
             raise fail(part, "of arithmetic, its functions and choices: no delay, no rateOf")
         return found
 
-    return build(node, lookup, 0)
+    try:
+        found = build(node, lookup, 0)
+    except RecursionError:
+        raise InputError(where, "a formula", "nested less deeply") from None
+    if extent(found)[0] > MOST_PARTS:
+        raise InputError(where, "a formula with all that it refers to", TOO_LARGE)
+    return found
 
 
 def _combined(kind: str, parts: Sequence[Tree]) -> Tree | None:

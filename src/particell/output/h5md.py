@@ -36,6 +36,9 @@ PARTICLES = "particles/all"
 #: Below ``observables``: a group for each :class:`.TimeAverage`, with its points and its fields.
 AVERAGES = "averages"
 CHUNK_BYTES = 1 << 16
+#: Of series of which a chunk is one frame. A chunk of several is written again with each of them,
+#: and where its compressed size changes, elsewhere: files would grow.
+COMPRESSION: dict[str, Any] = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
 
 UNIT_ATTRIBUTE = "si_unit"
 #: How often HDF5 looks at a part of a growing file before it takes it for damaged. Each wait is
@@ -243,6 +246,7 @@ def create_series(group: h5py.Group, sample: np.ndarray, unit: str) -> None:
         sample.dtype,
         maxshape=(None, *sample.shape),
         chunks=(rows, *(max(n, 1) for n in sample.shape)),
+        **(COMPRESSION if rows == 1 else {}),
     )
     if unit:
         dataset.attrs[UNIT_ATTRIBUTE] = unit
@@ -285,6 +289,9 @@ def copy_group(source: h5py.Group, target: h5py.Group, keep: int, done: dict[Any
                 item.dtype,
                 maxshape=item.maxshape,
                 chunks=item.chunks,
+                compression=item.compression,
+                compression_opts=item.compression_opts,
+                shuffle=item.shuffle,
             )
             rows = max(1, (1 << 24) // max(1, copy.nbytes // keep))
             for k in range(0, keep, rows):

@@ -97,6 +97,11 @@ class Run(Recorded):
         return read_json(path, "summary") if path and path.exists() else {}
 
     @cached_property
+    def parameters(self) -> dict[str, Any]:
+        """What ``run.h5`` says of itself: settings, and kind, material and body of each group."""
+        return self.source.parameters()
+
+    @cached_property
     def health(self) -> list[Finding]:
         """What :meth:`.Simulation.run` found, or ``summary.json`` says; empty without either."""
         found = self.summary.get("health", {})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import Any, Protocol
 import h5py
 import numpy as np
 
-from particell.errors import unknown_name
+from particell.errors import InputError, unknown_name
 from particell.geometry.domain import AXES, Domain
 from particell.output.h5md import (
     AVERAGES,
@@ -45,6 +46,7 @@ class Source(Protocol):
     def observable(self, name: str) -> np.ndarray: ...
     def points(self) -> dict[str, np.ndarray]: ...
     def static(self) -> dict[str, np.ndarray]: ...
+    def parameters(self) -> dict[str, Any]: ...
 
 
 class MemorySource:
@@ -107,6 +109,9 @@ class MemorySource:
 
     def static(self) -> dict[str, np.ndarray]:
         return self._static
+
+    def parameters(self) -> dict[str, Any]:
+        return {}
 
 
 class FileSource:
@@ -190,6 +195,18 @@ class FileSource:
         if "species" in found:
             found["group"] = np.asarray(found.pop("species"), np.int32)
         return found
+
+    def parameters(self) -> dict[str, Any]:
+        with self._open() as (file, _):
+            found = file.get("parameters/run")
+            written = text(found[()]) if isinstance(found, h5py.Dataset) else "{}"
+        try:
+            content = json.loads(written)
+        except (ValueError, RecursionError):
+            content = None
+        if not isinstance(content, dict):
+            raise InputError("parameters of the trajectory", written, "JSON of a table")
+        return content
 
 
 def known(what: str, name: str, names: Sequence[str]) -> str:

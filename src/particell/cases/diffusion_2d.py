@@ -20,8 +20,9 @@ mean of R realisations of N molecules is distributed as one realisation of R N d
 
 References
 ----------
-Jacob, thesis, UCSB 2020, table 2.2 (the case and printed errors: 50 realisations; the number of molecules
-at C₀ is that of the authors' scripts). Carslaw & Jaeger, Conduction of Heat in Solids (1959), 5.3.
+Jacob, thesis, UCSB 2020, table 2.2 (the case and printed errors: 50 realisations; the number of
+molecules at C₀ is that of the authors' scripts). Carslaw & Jaeger, Conduction of Heat in Solids
+(1959), 5.3.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
 """Figures of standard SPH beside the transport velocity, as the papers' figures 3, 4 and 11.
 
-Standard SPH moves particles with the fluid (``scheme=sdpd shifting=0``); it starts from the
-lattice.
+Standard SPH moves particles with the fluid (``scheme=sdpd shifting=0``), here from the lattice.
 
 Usage: ``python docs/standard_sph.py --runs DIR --out docs/images``; some ten minutes where the runs
 are not there yet. Each run is one that ``particell run`` would leave in ``DIR/NAME``.

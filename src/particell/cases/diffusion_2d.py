@@ -20,8 +20,9 @@ mean of R realisations of N molecules is distributed as one realisation of R N d
 
 References
 ----------
-Jacob, thesis, UCSB 2020 (the case and the printed errors: 50 realisations; the number of molecules
-at C₀ is that of the authors' scripts). Carslaw & Jaeger, Conduction of Heat in Solids (1959), 5.3.
+Jacob, thesis, UCSB 2020, table 2.2 (the case and printed errors: 50 realisations; the number of
+molecules at C₀ is that of the authors' scripts). Carslaw & Jaeger, Conduction of Heat in Solids
+(1959), 5.3.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ from particell.schemes.static import Static
 from particell.simulation import Simulation
 
 #: The papers' ε of concentrations and of molecules by resolution (steady state).
-PAPER = {17: (2.3e-4, 2.9e-4), 33: (5.8e-5, 1.3e-4), 65: (1.4e-5, 2.0e-4)}
+PAPER = {17: (2.337e-4, 2.902e-4), 33: (5.818e-5, 1.294e-4), 65: (1.438e-5, 2.043e-4)}
 #: The decay of the slowest mode is fitted between these parts of it.
 LARGEST_PART, SMALLEST_PART = 0.9, 0.15
 #: Support in spacings: the nearest neighbours of a lattice, or enough for disorder.

@@ -8,9 +8,10 @@ time between the last frames: sound, which never dies away, is stronger than the
 References
 ----------
 Ghia, Ghia & Shin, J. Comput. Phys. 48 (1982) 387 (tables of the centrelines' velocities); Jacob,
-thesis, UCSB 2020, chapter 3 (sizes of the corner vortices). Corner vortices, and the centrelines
-once more, are compared with our own finite elements (``references/lid_driven_cavity_fem.py``), from
-which Ghia's table is up to 0.009 away at Re = 100, 0.019 at 1000 and 0.04 at 10000.
+Drawert, Yi & Petzold, Eng. Anal. Bound. Elem. 128 (2021) 274 (sizes of the corner vortices). Corner
+vortices, and the centrelines once more, are compared with our own finite elements
+(``references/lid_driven_cavity_fem.py``), from which Ghia's table is up to 0.009 away at Re = 100,
+0.019 at 1000 and 0.04 at 10000.
 """
 
 from __future__ import annotations

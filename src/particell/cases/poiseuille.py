@@ -11,8 +11,9 @@ from rest, with the force :math:`f = 8\nu U/H^2` per mass. The papers run it wit
 
 References
 ----------
-Jacob, thesis, UCSB 2020, chapter 3 (errors at 20 to 320 particles across); Morris, Fox & Zhu,
-J. Comput. Phys. 136 (1997) 214.
+Jacob, Drawert, Yi & Petzold, Eng. Anal. Bound. Elem. 128 (2021) 274, table 1 (errors at 20 to 320
+particles across; also table 3.1 of Jacob, thesis, UCSB 2020); Morris, Fox & Zhu, J. Comput. Phys.
+136 (1997) 214.
 """
 
 from __future__ import annotations
@@ -30,9 +31,9 @@ from particell.simulation import Simulation
 #: The papers' errors by kernel and resolution (absolute, with U = 1), at a support of 3 spacings.
 #: (The cubic spline's at 320 is printed as 6.6e-4 in one place.)
 PAPER = {
-    "lucy": {20: 3.4e-2, 40: 6.6e-3, 80: 4.6e-3, 160: 1.5e-3, 320: 9.3e-4},
-    "cubic-spline": {20: 2.2e-2, 40: 1.7e-2, 80: 9.5e-3, 160: 5.8e-3, 320: 6.62e-3},
-    "wendland-c2": {20: 3.2e-2, 40: 2.9e-2, 80: 7.0e-3, 160: 1.4e-2, 320: 1.2e-2},
+    "lucy": {20: 3.425e-2, 40: 6.598e-3, 80: 4.601e-3, 160: 1.505e-3, 320: 9.34e-4},
+    "cubic-spline": {20: 2.169e-2, 40: 1.69e-2, 80: 9.512e-3, 160: 5.786e-3, 320: 6.62e-3},
+    "wendland-c2": {20: 3.153e-2, 40: 2.864e-2, 80: 7.022e-3, 160: 1.408e-2, 320: 1.206e-2},
 }
 #: Limits of the averaged profile of a running flow with Lucy's kernel: 20, 40, 80 across; beyond
 #: these the papers' error.

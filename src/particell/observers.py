@@ -30,6 +30,7 @@ from particell.output.checkpoint import write_checkpoint
 from particell.output.files import OutputError, plain, prepare_directory
 from particell.output.h5md import AVERAGES
 from particell.output.run import CHECKPOINT, OWN_FILES, TRAJECTORY, Run
+from particell.output.sources import ROLES
 from particell.output.trajectory import TrajectoryWriter
 from particell.schemes.timestep import check_number_of_steps
 from particell.simulated import Runnable
@@ -104,17 +105,19 @@ class Recorder:
         self.steps: list[int] = []
         self.times: list[float] = []
         self.writer: TrajectoryWriter | None = None
+        self.static = simulation.static_frame()  # normals of walls that turn are those of now
         if directory is None:
             return
         if resumed:
             self.writer = TrajectoryWriter.resume(directory / TRAJECTORY, simulation.step)
         else:
+            roles = [role.as_dict() for role in snapshot.roles_of(simulation)]
             self.writer = TrajectoryWriter(
                 directory / TRAJECTORY,
                 simulation.domain,
-                simulation.static_frame(),
+                self.static,
                 simulation.group_names,
-                parameters=json.dumps(plain(simulation.settings)),
+                parameters=json.dumps(plain({**simulation.settings, ROLES: roles})),
                 points=self.points,
                 units=snapshot.units_of(simulation),
             )
@@ -162,13 +165,14 @@ class Recorder:
         return Run.from_memory(
             s.domain,
             s.group_names,
-            s.static_frame(),
+            self.static,
             self.steps,
             self.times,
             self.frames,
             self.observables,
             points=self.points,
             units=snapshot.units_of(s),
+            roles=snapshot.roles_of(s),
         )
 
 

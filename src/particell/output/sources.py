@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -20,10 +21,13 @@ from particell.output.h5md import (
     open_trajectory,
     text,
 )
+from particell.roles import Role
 from particell.units import field_unit
 
 # What indexes the frames of a series: as NumPy does.
 Index = Any
+#: Where a run's parameters say what its groups are to fields.
+ROLES = "groups"
 
 
 class Source(Protocol):
@@ -45,6 +49,7 @@ class Source(Protocol):
     def observable(self, name: str) -> np.ndarray: ...
     def points(self) -> dict[str, np.ndarray]: ...
     def static(self) -> dict[str, np.ndarray]: ...
+    def roles(self) -> list[Role]: ...
 
 
 class MemorySource:
@@ -61,8 +66,10 @@ class MemorySource:
         observables: Sequence[Mapping[str, Any]],
         points: Mapping[str, np.ndarray] | None = None,
         units: Mapping[str, str] | None = None,
+        roles: Sequence[Role] | None = None,
     ):
         self.domain, self.groups, self._units = domain, list(groups), dict(units or {})
+        self._roles = list(roles or map(Role, groups))
         self._static, self._points = dict(static), dict(points or {})
         self._steps, self._times = steps, times
         self._frames, self._observables = frames, observables
@@ -108,6 +115,9 @@ class MemorySource:
     def static(self) -> dict[str, np.ndarray]:
         return self._static
 
+    def roles(self) -> list[Role]:
+        return self._roles
+
 
 class FileSource:
     """Frames in an H5MD file, opened anew for every access, so that it may still be growing."""
@@ -126,6 +136,7 @@ class FileSource:
             kinds = h5py.check_enum_dtype(file[f"{PARTICLES}/species"].dtype)
             self.groups = sorted(kinds, key=kinds.__getitem__)
             self._fields = sorted(element_names(file[PARTICLES]))
+            self._roles = _roles_in(file, self.groups)
             # In SWMR mode the observables are there from the start, though they grow later.
             known = file.get("observables")
             self._observables = sorted(element_names(known)) if known else []
@@ -190,6 +201,19 @@ class FileSource:
         if "species" in found:
             found["group"] = np.asarray(found.pop("species"), np.int32)
         return found
+
+    def roles(self) -> list[Role]:
+        return self._roles
+
+
+def _roles_in(file: h5py.File, groups: Sequence[str]) -> list[Role]:
+    """What the run's parameters say of the groups; fluids of everything where they say nothing."""
+    try:
+        listed = json.loads(text(file["parameters/run"][()])).get(ROLES, [])
+        found = {role.name: role for role in map(Role.of, listed)}
+    except (KeyError, TypeError, ValueError, AttributeError):
+        found = {}
+    return [found.get(name, Role(name)) for name in groups]
 
 
 def known(what: str, name: str, names: Sequence[str]) -> str:

@@ -10,6 +10,8 @@ The mean is the value at :math:`x` of the linear function that fits all those :m
 the sense of these weights: moving least squares over space and time at once. It is exact for steady
 linear fields, at walls too, and every particle counts as much as it would in
 :mod:`particell.analysis.fields`. Sums, not particles, are kept, so that many samples cost little.
+Fields that other groups carry have sums of their own. What walls hold at their surfaces is added
+when a mean is taken, as there; surfaces that move are left out of it.
 
 The points are no particles and have no row in the neighbour list: candidates are taken from cells,
 in a loop of its own.
@@ -25,7 +27,7 @@ from typing import Any
 import numpy as np
 
 from particell import snapshot
-from particell.analysis.fields import value_of_linear_fit
+from particell.analysis.fields import Held, value_of_linear_fit, wall_weight
 from particell.checks import checked, not_negative, positive
 from particell.compute.cells import (
     cell_at,
@@ -40,6 +42,7 @@ from particell.compute.loop import particle_loop
 from particell.compute.rounding import nearest_integer
 from particell.errors import InputError, unknown_name
 from particell.kernels import kernel_code, shape_w
+from particell.roles import carriers
 from particell.simulated import Simulated
 
 #: Characters in the name of an average.
@@ -64,7 +67,8 @@ class TimeAverage:
     after
         Time in s from which on; before it the state at each frame is all that is sampled.
     groups
-        The groups whose particles carry the fields; by default all.
+        The groups whose particles are used, and nothing but these. By default those that carry a
+        field, bounded by walls whose surfaces do not move, as for :meth:`.Run.on_points`.
     name
         By which it is asked for where a run has several.
     kernel
@@ -205,16 +209,25 @@ class RunningAverage:
 
     def __init__(self, simulation: Simulated, average: TimeAverage):
         self.simulation, self.average = simulation, average
-        dim, names = simulation.domain.dim, [g.name for g in simulation.particles.groups]
-        chosen = [g for g, name in enumerate(names) if name in (average.groups or names)]
-        self._chosen = np.array(chosen)
-        fields = [snapshot.field_of(simulation, name) for name in average.fields]
-        self._shapes = [values.shape[1:] for values in fields]
-        self._columns = sum(values[0].size for values in fields)
-        n, points = len(simulation.particles), average.points.reshape(-1, dim)
-        size = dim + 1
-        self.sums = np.zeros((len(points), size * (size + 1) // 2 + size * self._columns))
-        self._bind(n, points, float(simulation.particles.host("support").max()))
+        roles, names = snapshot.roles_of(simulation), average.groups
+        given = tuple(g for g, role in enumerate(roles) if role.name in (names or ()))
+        carried = [given if names else carriers(roles, name) for name in average.fields]
+        #: Groups that carry fields, and those fields: each set has sums of its own.
+        self._sets = [
+            (c, [f for f, g in zip(average.fields, carried, strict=True) if g == c])
+            for c in dict.fromkeys(carried)
+        ]
+        self._shapes = {n: snapshot.field_of(simulation, n).shape[1:] for n in average.fields}
+        self._columns = max(sum(map(self._width, fields)) for _, fields in self._sets)
+        n, dim = len(simulation.particles), simulation.domain.dim
+        points, size = average.points.reshape(-1, dim), dim + 1
+        width = size * (size + 1) // 2 + size * self._columns
+        self.sums = np.zeros((len(self._sets), len(points), width))
+        self._scale = float(simulation.particles.host("support").max())
+        self._bind(n, points, self._scale)
+
+    def _width(self, name: str) -> int:
+        return math.prod(self._shapes[name])
 
     def _bind(self, n: int, points: np.ndarray, reach: float) -> None:
         domain, device = self.simulation.domain, Device()
@@ -240,7 +253,6 @@ class RunningAverage:
             "point_cell": np.zeros(len(points), np.int64),
             "order": self._order,
             "cell_start": self._cell_start,
-            "sums": self.sums,
             "scale": reach,
         }
         grid = {**constant, "x": points, "cell": constant["point_cell"]}
@@ -249,7 +261,7 @@ class RunningAverage:
         self._assign = device.bind(assign_wrapped_cells, fields, DIM=dim)
         code = kernel_code(self.average.kernel)
         constants = {"DIM": dim, "KERNEL": code, "COLUMNS": self._columns}
-        self._add = device.bind(add_sums, fields, **constants)
+        self._add = [device.bind(add_sums, {**fields, "sums": s}, **constants) for s in self.sums]
 
     def due_in(self, to_frame: int, per_frame: int) -> int:
         """Steps to the next sample, where the next frame is ``to_frame`` steps ahead."""
@@ -261,41 +273,95 @@ class RunningAverage:
     def sample(self) -> None:
         """Add the present state to the sums."""
         s, now = self.simulation, self._now
-        particles = s.particles
+        particles, n = s.particles, len(now["x"])
         now["x"][...] = particles.view("x")
         now["support"][...] = particles.view("support")
-        np.divide(particles.view("mass"), particles.view("density"), out=now["volume"])
-        now["volume"][~np.isin(particles.view("group"), self._chosen)] = 0.0
-        column = 0
-        for name, shape in zip(self.average.fields, self._shapes, strict=True):
-            width = math.prod(shape)
-            values = snapshot.field_of(s, name).reshape(-1, width)
-            now["values"][:, column : column + width] = values
-            column += width
-        n = len(now["x"])
         self._assign(n)
         counting_sort(now["cell"], particles.view("id"), self._cell_start, self._order)
-        self._add(len(self.sums))
+        for (groups, fields), add in zip(self._sets, self._add, strict=True):
+            np.divide(particles.view("mass"), particles.view("density"), out=now["volume"])
+            now["volume"][~np.isin(particles.view("group"), groups)] = 0.0
+            column = 0
+            for name in fields:
+                width = self._width(name)
+                values = snapshot.field_of(s, name).reshape(-1, width)
+                now["values"][:, column : column + width] = values
+                column += width
+            add(self.sums.shape[1])
 
     def take(self) -> dict[str, np.ndarray]:
         """The means by field, (…) or (…, D), NaN where no particle was in reach; new sums begin."""
+        found: dict[str, np.ndarray] = {}
+        walls = None if self.average.groups else self._walls()
+        for (groups, fields), sums in zip(self._sets, self.sums, strict=True):
+            found |= self._means(groups, fields, sums, walls)
+        self.sums[...] = 0.0
+        return {name: found[name] for name in self.average.fields}
+
+    def _means(
+        self, groups: tuple[int, ...], fields: list[str], sums: np.ndarray, walls: Any
+    ) -> dict[str, np.ndarray]:
+        """The means of the fields that the same groups carry."""
         size = self.simulation.domain.dim + 1
         rows, columns = np.tril_indices(size)
-        moments = np.empty((len(self.sums), size, size))
-        moments[:, rows, columns] = moments[:, columns, rows] = self.sums[:, : len(rows)]
-        right = self.sums[:, len(rows) :].reshape(-1, size, self._columns)
-        found = moments[:, 0, 0] > 0
-        moments /= np.where(found, moments[:, 0, 0], 1.0)[:, None, None]
-        right = right / np.where(found, self.sums[:, 0], 1.0)[:, None, None]
-        mean = np.where(found[:, None], right[:, 0], np.nan)
-        # as in analysis.fields: of deviations from the mean, so that constants come out as such
-        deviations = right - moments[:, :, :1] * right[:, :1]
-        correction, solvable = value_of_linear_fit(moments, deviations, found)
-        mean[solvable] += correction
-        self.sums[...] = 0.0
-        parts = np.split(mean, np.cumsum([math.prod(s) for s in self._shapes])[:-1], axis=1)
-        outer = self.average.points.shape[:-1]
-        return {
-            name: part.reshape(outer + shape)
-            for name, part, shape in zip(self.average.fields, parts, self._shapes, strict=True)
-        }
+        moments = np.empty((len(sums), size, size))
+        moments[:, rows, columns] = moments[:, columns, rows] = sums[:, : len(rows)]
+        rights = sums[:, len(rows) :].reshape(-1, size, self._columns)
+        found, column = {}, 0
+        for name in fields:
+            width = self._width(name)
+            part = rights[:, :, column : column + width]
+            column += width
+            held = walls.held(name) if walls else []
+            mean = _fitted(moments, part, held, self._scale, kernel_code(self.average.kernel))
+            if walls:
+                mean[walls.hidden(groups)] = np.nan
+            outer = self.average.points.shape[:-1]
+            found[name] = mean.reshape(outer + self._shapes[name])
+        return found
+
+    def _walls(self) -> _Walls:
+        return _Walls(self.simulation, self.average.points)
+
+
+class _Walls:
+    """What bounds fields at the points of an average; surfaces that move are left out."""
+
+    def __init__(self, simulation: Simulated, points: np.ndarray):
+        self._simulation = simulation
+        self._points = points.reshape(-1, simulation.domain.dim)
+        self._arrangement = snapshot.arrangement_of(simulation)
+        seen = self._arrangement.seen(self._points)
+        moving = simulation.walls.moving_surfaces() if seen else set()
+        self._seen = {g: s for g, s in seen.items() if g not in moving}
+
+    def held(self, name: str) -> list[Held]:
+        values = np.asarray(snapshot.field_of(self._simulation, name), float)
+        return self._arrangement.held(name, self._seen, self._points, values)
+
+    def hidden(self, groups: tuple[int, ...]) -> np.ndarray:
+        return self._arrangement.hidden(self._points, self._seen, groups, everywhere=True)
+
+
+def _fitted(
+    moments: np.ndarray, right: np.ndarray, held: list[Held], scale: float, code: int
+) -> np.ndarray:
+    """The means (points, columns) from sums, and what walls hold."""
+    moments, right = moments.copy(), right.copy()
+    total = moments[:, 0, 0].copy()
+    for h in held:
+        offset = h.offset / scale
+        weight = total[h.points] * wall_weight(np.linalg.norm(offset, axis=1), code)
+        basis = np.concatenate([np.ones((len(offset), 1)), offset], axis=1)
+        moments[h.points] += weight[:, None, None] * basis[:, :, None] * basis[:, None, :]
+        values = h.values.reshape(len(offset), 1, -1)
+        right[h.points] += weight[:, None, None] * basis[:, :, None] * values
+    found = moments[:, 0, 0] > 0
+    weights = np.where(found, moments[:, 0, 0], 1.0)[:, None, None]
+    moments, right = moments / weights, right / weights
+    mean = np.where(found[:, None], right[:, 0], np.nan)
+    # as in analysis.fields: of deviations from the mean, so that constants come out as such
+    deviations = right - moments[:, :, :1] * right[:, :1]
+    correction, solvable = value_of_linear_fit(moments, deviations, found)
+    mean[solvable] += correction
+    return mean

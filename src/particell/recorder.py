@@ -17,6 +17,7 @@ from particell.output.checkpoint import write_checkpoint
 from particell.output.files import plain
 from particell.output.h5md import AVERAGES
 from particell.output.run import CHECKPOINT, TRAJECTORY, Run
+from particell.output.sources import ROLES
 from particell.output.trajectory import TrajectoryWriter
 from particell.plans import Plan, check_plan
 from particell.restored import StateError, whole
@@ -81,7 +82,9 @@ def groups_of(simulation: Runnable) -> list[dict[str, Any]]:
 
 def _text_of(simulation: Runnable) -> str:
     """What a trajectory says of the run."""
-    return json.dumps(plain({**simulation.settings, "groups": groups_of(simulation)}))
+    roles = [role.as_dict() for role in snapshot.roles_of(simulation)]
+    more = {"groups": groups_of(simulation), ROLES: roles}
+    return json.dumps(plain({**simulation.settings, **more}))
 
 
 class Recorder:
@@ -113,6 +116,7 @@ class Recorder:
         self.steps: list[int] = []
         self.times: list[float] = []
         self.writer: TrajectoryWriter | None = None
+        self.static = simulation.static_frame()  # normals of walls that turn are those of now
         self.identity: dict[str, Any] = {
             "id": simulation.run_id,
             "seed": int(simulation.seed),
@@ -129,11 +133,9 @@ class Recorder:
             self.writer = TrajectoryWriter(
                 directory / TRAJECTORY,
                 simulation.domain,
-                simulation.static_frame(),
+                self.static,
                 simulation.group_names,
-                parameters=json.dumps(
-                    plain({**simulation.settings, "groups": groups_of(simulation)})
-                ),
+                parameters=_text_of(simulation),
                 points=self.points,
                 units=snapshot.units_of(simulation),
                 identity={"run_id": simulation.run_id, "seed": int(simulation.seed)},
@@ -193,11 +195,12 @@ class Recorder:
         return Run.from_memory(
             s.domain,
             s.group_names,
-            s.static_frame(),
+            self.static,
             self.steps,
             self.times,
             self.frames,
             self.observables,
             points=self.points,
             units=snapshot.units_of(s),
+            roles=snapshot.roles_of(s),
         )

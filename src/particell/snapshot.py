@@ -9,12 +9,15 @@ from typing import Any
 
 import numpy as np
 
+from particell.analysis.bounded import Arrangement
 from particell.chemistry.invariants import conserved_totals
 from particell.chemistry.listing import reaction_table, species_table
+from particell.chemistry.reservoirs import WALL_VALUE
 from particell.compute.loop import CompileLog
 from particell.errors import InputError
 from particell.phases import phase_table
 from particell.representation import block, table
+from particell.roles import Role
 from particell.simulated import Simulated
 
 
@@ -61,7 +64,36 @@ def static_frame_of(simulation: Simulated) -> dict[str, np.ndarray]:
     p = simulation.particles
     frame = {name: p.by_id(name) for name in ("id", "group", "support")}
     frame["mass"] = p.by_id("mass") * simulation.system.depth_factor
-    return frame
+    walls = (name for name in ("wall_normal", "wall_depth", "wall_curvature") if name in p)
+    return frame | {name: p.by_id(name) for name in walls}
+
+
+def roles_of(simulation: Simulated) -> list[Role]:
+    """What each group is to fields, in their order."""
+    chemistry = simulation.chemistry
+    rubs = not simulation.static and any(m.viscosity > 0 for m in simulation.materials)
+    found = []
+    for g, phase in enumerate(simulation.phases):
+        holds: set[str] = set()
+        held: dict[str, float] = {}
+        for kept in chemistry.tables if chemistry else ():
+            holds |= {kept.names[s] for s in np.flatnonzero(kept.present[g])}
+            fixed = np.flatnonzero(kept.status[g] == WALL_VALUE)
+            held |= {kept.names[s]: float(kept.value[g, s]) for s in fixed}
+        sticks = rubs and phase.kind == "wall"
+        found.append(Role(phase.name, phase.kind, tuple(sorted(holds)), held, sticks))
+    return found
+
+
+def arrangement_of(simulation: Simulated) -> Arrangement:
+    """The particles in memory order, as fields and surfaces see them."""
+    p = simulation.particles
+    names = ("wall_normal", "wall_depth", "wall_curvature")
+    surface = [p.host(name).astype(float) for name in names if name in p]
+    group, position, support = (p.host(name) for name in ("group", "x", "support"))
+    return Arrangement(
+        simulation.domain, roles_of(simulation), group, position.astype(float), support, *surface
+    )
 
 
 def field_names_of(simulation: Simulated) -> list[str]:

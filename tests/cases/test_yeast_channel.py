@@ -3,12 +3,14 @@
 import numpy as np
 import pytest
 
+from particell import plots, snapshot
 from particell.cases import reference, yeast_channel_ensemble
 from particell.cases import yeast_channel_results as results
 from particell.cases.base import Context
 from particell.cases.yeast_channel import YeastChannel
 from particell.ensemble import EnsembleRun
 from particell.errors import LawWarning
+from particell.output.run import Run
 
 
 def run_case(reynolds: float, chemistry: str, end: float):
@@ -107,3 +109,28 @@ def test_another_cell_is_not_held_against_the_reference(both_ways):
     assert not other.as_reference
     compared = {name: m for name, m in results.metrics(other, run).items() if "chi2" not in name}
     assert compared and all(m.limit is None for m in compared.values())
+
+
+def test_figures_of_a_run_of_a_few_milliseconds(tmp_path):
+    """Before the times of the reference: no warning; walls, receptors and sponge are to be seen."""
+    case = YeastChannel(resolution=40, chemistry="both")
+    simulation = case.build(Context(seed=1))
+    roles = snapshot.roles_of(simulation)
+    head = (simulation.domain, simulation.group_names, simulation.static_frame())
+    frames = [simulation.frame(), simulation.frame()]
+    run = Run.from_memory(*head, [0, 1], [0.0, 3e-3], frames, roles=roles)
+    drawn = {}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(plots, "save", lambda figure, path: drawn.setdefault(path.stem, figure))
+        results.figures(case, run, tmp_path)
+    assert {"particles", "receptors", "speed", "ligand_molecules", "centreline"} <= set(drawn)
+    for name in ("particles", "speed", "ligand_concentrations"):
+        axes = drawn[name].axes[0]
+        assert "sponge" in [text.get_text() for text in axes.texts]
+        low, high = axes.get_ylim()
+        assert low < -0.05 * case.height * 1e6 and high > 1.05 * case.height * 1e6  # with walls
+    grey = drawn["speed"].axes[0].collections[-1].get_offsets()
+    assert len(grey) == (~run.group("fluid")).sum()
+    receptors = drawn["receptors"].axes[0].collections[-1]
+    assert len(receptors.get_offsets()) == run.group("membrane").sum()
+    assert plots.save(drawn["receptors"], tmp_path / "a.png").stat().st_size > 1000

@@ -78,9 +78,26 @@ def test_scatter_in_1d_and_3d():
     assert np.allclose(line.get_ydata(), 3e-6 * line.get_xdata())
     dots = a_run(3).plot.scatter("concentration/L").axes[0].collections[0]
     assert np.allclose(dots.get_array(), 4e-6 * dots.get_offsets()[:, 0])
-    # the topmost ones are drawn last, and so are seen
-    top = a_run(3).plot.scatter(a_run(3).field("position")[0][:, 2]).axes[0].collections[0]
-    assert np.all(np.diff(top.get_array()) >= 0)
+
+
+def test_3d_is_seen_in_three_planes_through_the_middle(tmp_path):
+    """One layer each, never all particles on top of each other."""
+    z = a_run(3).field("position")[0][:, 2]
+    figure = a_run(3).plot.scatter(z, path=tmp_path / "a.png")
+    named = [(a.get_xlabel(), a.get_ylabel(), a.get_title()) for a in figure.axes]
+    assert named == [
+        ("x [µm]", "y [µm]", "z = 2 µm"),
+        ("x [µm]", "z [µm]", "y = 2 µm"),
+        ("y [µm]", "z [µm]", "x = 2 µm"),
+    ]
+    for axes in figure.axes:
+        assert len(axes.collections[0].get_offsets()) == SIDE**2
+    (level,) = np.unique(figure.axes[0].collections[0].get_array())
+    assert abs(level - 2e-6) < 0.3e-6
+    maps = a_run(3).plot.map("speed", cells=4, path=tmp_path / "b.png").axes
+    assert [len(axes.images) for axes in maps] == [1, 1, 1]
+    assert np.allclose(maps[0].images[0].get_array(), 4 * 2e-6)  # 4 times z
+    assert maps[0].images[0].get_clim() == maps[2].images[0].get_clim()
 
 
 def test_map(run):
@@ -105,7 +122,8 @@ def test_map_across_3d():
     assert np.allclose(image.get_array(), np.tile(centres[:, None], (1, 6)))
     at = run.plot.map("concentration/L", 0, across="x", at=1e-6, cells=4).axes[0].images[0]
     assert np.allclose(at.get_array(), 1e-6)
-    for options in ({"across": "u"}, {"at": 1.0}, {"cells": (2, 2, 2)}):
+    beyond = {"across": "x", "at": 1.0}
+    for options in ({"across": "u"}, {"at": 1e-6}, beyond, {"cells": (2, 2)}):
         with pytest.raises(InputError):
             run.plot.map("speed", **options)
 

@@ -8,6 +8,12 @@ and order 1 the value at :math:`x` of the linear function that fits the :math:`A
 sense of the same weights (moving least squares), which reproduces every linear field exactly,
 at walls and surfaces too.
 
+**Walls that hold a value** :math:`A_w` at their surface (no slip, fixed concentrations) are one
+datum more in the fit at :math:`x`: that value at the nearest point of the surface, at the distance
+d, with the weight :math:`W(2d, h)/(2d/h)^2` times that of all particles. It grows without bound, so
+that the fit has the wall's value at the wall (interpolating moving least squares, Lancaster &
+Salkauskas, section 3); beyond half a support there is nothing of it.
+
 References
 ----------
 Shepard, Proc. 23rd ACM Nat. Conf. (1968) 517; Lancaster & Salkauskas, Math. Comput. 37 (1981) 141.
@@ -16,6 +22,7 @@ Shepard, Proc. 23rd ACM Nat. Conf. (1968) 517; Lancaster & Salkauskas, Math. Com
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -25,8 +32,29 @@ from particell.kernels import kernel_code
 
 # Points treated at once: bounds the memory for pairs.
 _BLOCK = 20_000
+# How near a point is to a wall that it is on, in supports; bounds the weight of a wall's datum.
+_TOUCHES = 1e-6
 # Below this reciprocal condition number the fit is not determined: too few particles in reach.
 _SINGULAR = 1e-8
+
+
+@dataclass(frozen=True)
+class Held:
+    """Values at surfaces near some of m points.
+
+    Attributes
+    ----------
+    points
+        Which points, (k,).
+    offset
+        From each of them to the nearest point of the surface, (k, D), in m.
+    values
+        There, (k,) or (k, …).
+    """
+
+    points: np.ndarray
+    offset: np.ndarray
+    values: np.ndarray
 
 
 def line(start: Sequence[float], end: Sequence[float], points: int) -> np.ndarray:
@@ -87,6 +115,7 @@ def interpolate(
     domain: Domain,
     kernel: str = "wendland-c2",
     order: int = 1,
+    held: Sequence[Held] = (),
 ) -> np.ndarray:
     """Interpolate values carried by particles.
 
@@ -109,6 +138,8 @@ def interpolate(
     order
         0: exact on constants; 1: exact on linear fields (and order 0 where fewer particles than
         it takes are in reach).
+    held
+        What walls hold at their surfaces near the points.
 
     Returns
     -------
@@ -136,32 +167,43 @@ def interpolate(
     result = np.full((len(points), *values.shape[1:]), np.nan)
     if not len(position):
         return result
-    tree = cKDTree(_wrapped(position, domain), boxsize=periods)
+    tree = cKDTree(domain.wrapped_from_zero(position), boxsize=periods)
+    size = float(reach.max())
     for start in range(0, len(points), _BLOCK):
         block = slice(start, start + _BLOCK)
-        targets = _wrapped(points[block], domain)
+        targets = domain.wrapped_from_zero(points[block])
         pairs = cKDTree(targets, boxsize=periods).sparse_distance_matrix(
-            tree, float(reach.max()), output_type="ndarray"
+            tree, size, output_type="ndarray"
         )
         i, j = pairs["i"], pairs["j"]
         q = pairs["v"] / reach[j]
         inside = q < 1.0
         i, j, q = i[inside], j[inside], q[inside]
         weight = volume[j] * _shape(q, code) / reach[j] ** domain.dim
-        offset = tree.data[j] - targets[i]
-        offset -= periods * np.rint(offset * domain.inverse_periods)
-        result[block] = _fit(len(targets), i, weight, offset / reach.max(), values[j], order)
+        offset = domain.shortest(tree.data[j] - targets[i])
+        data: list[tuple[np.ndarray, ...]] = [(i, weight, offset / size, values[j])]
+        total = np.bincount(i, weights=weight, minlength=len(targets))
+        data += [_datum(h, start, total, size, code) for h in held]
+        i, weight, offset, seen = (np.concatenate(parts) for parts in zip(*data, strict=True))
+        result[block] = _fit(len(targets), i, weight, offset, seen, order)
     return result
 
 
-def _wrapped(position: np.ndarray, domain: Domain) -> np.ndarray:
-    """Positions with those on periodic axes brought into [0, length)."""
-    x = np.array(position, float) - domain.lower
-    for a in np.flatnonzero(domain.periodic):
-        length = domain.lengths[a]
-        x[:, a] %= length
-        x[x[:, a] >= length, a] = 0.0  # the remainder of a tiny negative number rounds up
-    return x
+def _datum(
+    held: Held, start: int, total: np.ndarray, size: float, code: int
+) -> tuple[np.ndarray, ...]:
+    """Point, weight, offset in supports and value of what walls hold, for a block of points."""
+    rows = np.flatnonzero((held.points >= start) & (held.points < start + len(total)))
+    offset = held.offset[rows] / size
+    weight = wall_weight(np.linalg.norm(offset, axis=1), code)
+    i, near = held.points[rows] - start, weight > 0.0
+    return i[near], (total[i] * weight)[near], offset[near], held.values[rows][near]
+
+
+def wall_weight(distance: np.ndarray, code: int) -> np.ndarray:
+    """Weight of a wall's datum, in that of all particles, at distances (k,) in supports."""
+    q = np.maximum(2.0 * distance, _TOUCHES)
+    return np.where(q < 1.0, _shape(np.minimum(q, 1.0), code) / q**2, 0.0)
 
 
 def _shape(q: np.ndarray, code: int) -> np.ndarray:

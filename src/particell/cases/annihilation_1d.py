@@ -369,7 +369,7 @@ class Annihilation1D(Case):
         axes.plot([], [], "o", color="0.4", mfc="none", label="concentrations")
         axes.plot([], [], "x", color="0.4", label=f"molecules, mean of {self.realisations}")
         axes.set(xlabel="x / L", ylabel="C / C₀", xlim=(0, 1), title=f"Da = {self.damkohler:g}")
-        axes.legend(loc="upper center")
+        plots.legend(axes, loc="upper center")
         return figure
 
     @plots.styled
@@ -386,5 +386,5 @@ class Annihilation1D(Case):
             label = f"{t * self.unit:.3g} s"
             axes.plot(self.x, mean[0] - mean[1], "x", color=colour, ms=3.5, label=label)
         axes.set(xlabel="x / L", ylabel="(C of A − C of B) / C₀", xlim=(0, 1))
-        axes.legend()
+        plots.legend(axes)
         return figure

@@ -166,11 +166,11 @@ class BirthDeath(Case):
             exact = poisson.pmf(number, mean)
             left.plot(number, exact, "k-", lw=0.8, label=None if k else "Poisson")
         left.set(xlabel="molecules in a particle", ylabel="share of the particles")
-        left.legend()
+        plots.legend(left)
         counts = np.array([self.counts(run, k) for k in range(len(run))])
         right.plot(run.times, self.expected(run.times), "k-", lw=0.8, label="exact")
         right.plot(run.times, counts.mean(axis=1), ".", label="mean")
         right.plot(run.times, counts.var(axis=1), "x", ms=3, mew=0.8, label="variance")
         right.set(xlabel="t [s]", ylabel="molecules in a particle")
-        right.legend()
+        plots.legend(right)
         return figure

@@ -250,7 +250,7 @@ class Diffusion1D(Case):
         axes.plot([], [], "o", color="0.4", mfc="none", label="concentrations")
         axes.plot([], [], "x", color="0.4", label="molecules")
         axes.set(xlabel="x / L", ylabel="C / C₀", xlim=(0, 1), ylim=(-0.02, 1.02))
-        axes.legend()
+        plots.legend(axes)
         return figure
 
     @plots.styled
@@ -260,7 +260,7 @@ class Diffusion1D(Case):
         axes.loglog(times, errors, "o", mfc="none", label=f"{self.resolution} particles")
         axes.axhline(1e-2, color="black", linestyle="--", linewidth=0.8, label="limit")
         axes.set(xlabel="t [s]", ylabel="relative L2 error of C")
-        axes.legend()
+        plots.legend(axes)
         return figure
 
     @plots.styled
@@ -272,5 +272,5 @@ class Diffusion1D(Case):
         axes.axhline(0, color="black", linewidth=0.6)
         axes.set(xlabel="x / L", ylabel="(N − λ) / √λ", ylim=(-4.2, 4.2), xlim=(0, 1))
         axes.set_title(f"molecules, t = {run.times[-1]:.3g} s")
-        axes.legend(loc="lower left")
+        plots.legend(axes, loc="lower left")
         return figure

@@ -90,7 +90,7 @@ def _profiles(case: Slab, ensemble: EnsembleRun):
     axes.plot([], [], "o", color="0.4", markerfacecolor="none", label="concentrations")
     axes.set(xlabel="x / L", ylabel="C / C₀", xlim=(0, 1), ylim=(-0.02, 1.02))
     axes.set_title(f"molecules, mean ± deviation of {len(ensemble)} realisations")
-    axes.legend()
+    plots.legend(axes)
     return figure
 
 
@@ -106,5 +106,5 @@ def _scores(case: Slab, ensemble: EnsembleRun):
     reach = max(4.2, 1.1 * math.ceil(float(np.abs(scores).max())))
     axes.set(xlabel="x / L", ylabel="(N̄ − λ) / √(λ/R)", ylim=(-reach, reach), xlim=(0, 1))
     axes.set_title(f"mean of R = {len(ensemble)} realisations, t = {ensemble.times[-1]:.3g} s")
-    axes.legend(loc="lower left")
+    plots.legend(axes, loc="lower left")
     return figure

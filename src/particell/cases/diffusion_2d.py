@@ -311,7 +311,7 @@ class Diffusion2D(Case):
                     label=f"{label}, {what}",
                 )  # fmt: skip
         axes.set(xlabel="x / L or y / L", ylabel="C / C₀", xlim=(0, 1))
-        axes.legend()
+        plots.legend(axes)
         return figure
 
     @plots.styled
@@ -330,5 +330,5 @@ class Diffusion2D(Case):
             ylim=(1e-3, 1.2),
             xlim=(0, 0.36),
         )
-        axes.legend()
+        plots.legend(axes)
         return figure

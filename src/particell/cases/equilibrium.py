@@ -244,7 +244,7 @@ class Equilibrium2D(Case):
         spread = 5 * deviation
         axes.set_ylim(self.temperature - spread, self.temperature + 1.4 * spread)
         axes.set_title(f"mean {float(mean.mean):.2f} ± {float(mean.error):.2f} K")
-        axes.legend(loc="upper right", ncols=2)
+        plots.legend(axes, loc="upper right", ncols=2)
         return figure
 
     @plots.styled
@@ -270,7 +270,7 @@ class Equilibrium2D(Case):
         )
         axes.set(yscale="log", xlabel="v √(m / kT)", ylabel="probability density")
         axes.set_ylim(1e-6, 2)
-        axes.legend(loc="lower center")
+        plots.legend(axes, loc="lower center")
         return figure
 
     @plots.styled

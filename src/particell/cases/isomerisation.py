@@ -150,5 +150,5 @@ class Isomerisation(Case):
         axes.plot(run.times, self.share(run, "A", "B"), ".", label="molecules")
         axes.plot(run.times, self.share(run, "a", "b"), "-", lw=0.8, label="concentrations")
         axes.set(xlabel="t [s]", ylabel="share of B", ylim=(0, 0.6))
-        axes.legend(loc="lower right")
+        plots.legend(axes, loc="lower right")
         return figure

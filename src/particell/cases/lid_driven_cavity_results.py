@@ -256,7 +256,7 @@ def _profiles_figure(case: Cavity, run: Run):
         right.plot(v["x"], v[f"v_{number}"], "o", **dots)
     left.set(xlabel="u / U on x = L/2", ylabel="y / L", ylim=(0, 1))
     right.set(xlabel="x / L", ylabel="v / U on y = L/2", xlim=(0, 1))
-    left.legend()
+    plots.legend(left)
     return figure
 
 

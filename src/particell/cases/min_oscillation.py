@@ -265,5 +265,5 @@ class MinOscillation(Case):
             x = (np.arange(len(mean)) + 0.5) * self.spacing * 1e6
             right.plot(x, mean, label=label)
         right.set(xlabel="x [µm]", ylabel="molecules a slice, mean", ylim=(0, None))
-        right.legend()
+        plots.legend(right)
         return figure

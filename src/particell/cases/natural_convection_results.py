@@ -347,8 +347,8 @@ def _profiles_figure(case: Convection, run: Run):
     right.plot(line.x, line.value * rescale, "o", mfc="none", ms=4, label=label)
     left.set(xlabel="x / L", ylabel="C / C₀", xlim=(0.6, 1), ylim=(0, 1.02))
     right.set(xlabel="x / L", ylabel="v_y √(Ra/Sc) / v₀", xlim=(0.6, 1))
-    left.legend()
-    right.legend()
+    plots.legend(left)
+    plots.legend(right)
     return figure
 
 
@@ -365,5 +365,5 @@ def _transfer_figure(case: Convection, run: Run):
     late = 0.5 * np.ptp(run.times) / case.time_unit
     highest = cylinder[time > late].max() if (time > late).any() else cylinder.max()
     axes.set(xlabel="t v₀ / L", ylabel="transfer Q / (2 κ ΔC)", ylim=(0, 2 * highest))
-    axes.legend()
+    plots.legend(axes)
     return figure

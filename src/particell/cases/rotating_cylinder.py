@@ -277,7 +277,7 @@ class RotatingCylinder(Case):
         right.plot(line["r"], line["pressure"], "o", mfc="none")
         left.set(xlabel="r [m]", ylabel="velocity / U")
         right.set(xlabel="r [m]", ylabel="pressure / (ρ U²)")
-        left.legend()
+        plots.legend(left)
         return figure
 
     @plots.styled

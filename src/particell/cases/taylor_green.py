@@ -321,12 +321,12 @@ class TaylorGreen(Case):
         left.semilogy(star, exact, "-", color="black", linewidth=1, label="exact")
         left.semilogy(star, energy / energy[0], "o", mfc="none", label=f"{self.resolution}²")
         left.set(xlabel="t U / L", ylabel="kinetic energy / initial")
-        left.legend()
+        plots.legend(left)
         right.axhspan(-2, 2, color="0.92", label="papers (transport velocity)")
         right.plot(star, 100 * self.speed_errors(run), "o-", mfc="none", linewidth=0.8)
         right.axhline(0, color="black", linewidth=0.6)
         right.set(xlabel="t U / L", ylabel="error of the largest speed [%]")
-        right.legend()
+        plots.legend(right)
         return figure
 
     @plots.styled

@@ -355,7 +355,7 @@ class ThermalModes(Case):
         asked = [1 / self.softer(simulation, k) for k in waves]
         axes.plot(fine * unit, asked, "-", label="asked for, as the kernel shows it")
         axes.set(xlabel="(k h)²", ylabel="S(k) m c₀² / k_BT", ylim=(0, None))
-        axes.legend(loc="lower right")
+        plots.legend(axes, loc="lower right")
         return figure
 
     @plots.styled
@@ -390,7 +390,7 @@ class ThermalModes(Case):
                 )
         left.set(xlabel="t η / (ρ h²)", ylabel="answer to a kick", yscale="log", title="transverse")
         right.set(xlabel="t η / (ρ h²)", title="longitudinal")
-        left.legend()
+        plots.legend(left)
         return figure
 
     @plots.styled

@@ -228,7 +228,7 @@ class Turing(Case):
         rates = np.log(second[shown] / first[shown]) / (2 * span)
         left.plot(q[shown] / factor, rates, ".", ms=3, label="each mode")
         left.set(xlabel="q [1/µm]", ylabel="growth rate [1/s]", ylim=(-0.2, None))
-        left.legend()
+        plots.legend(left)
         for k, name in enumerate(("U", "U_molecules")):
             contrast = [self.field(run, f, name).std() for f in range(len(run))]
             label = ("concentrations", "molecules")[k]
@@ -238,5 +238,5 @@ class Turing(Case):
         kept = run.times < 2.2 * run.times[stop]
         right.semilogy(run.times[kept], level * rise[kept], "k--", lw=0.8, label="fastest mode")
         right.set(xlabel="t [s]", ylabel="standard deviation of u")
-        right.legend()
+        plots.legend(right)
         return figure

@@ -113,5 +113,5 @@ def _binding(case: results.Channel, ensemble: EnsembleRun):
     band(axes, ensemble.times / case.time_unit, found, label="molecules")
     axes.set(xlabel="t / t₀", ylabel="share of bound receptors")
     axes.set_title(f"mean ± deviation of {len(ensemble)} realisations")
-    axes.legend()
+    plots.legend(axes)
     return figure

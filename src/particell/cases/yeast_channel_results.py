@@ -39,6 +39,7 @@ class Channel(Protocol):
     def time_unit(self) -> float: ...
     @property
     def spacing(self) -> float: ...
+    def sponge_length(self) -> float: ...
     @property
     def centre(self) -> tuple[float, float]: ...
 
@@ -53,7 +54,7 @@ def centreline(case: Channel, run: Run, field: str, frame: int) -> tuple[np.ndar
     """x* and a field along y = H/2, outside the cytoplasm."""
     star = reference.load("yeast_channel_centreline")["x_star"]
     line = np.stack([star * case.height, np.full(len(star), 0.5 * case.height)], axis=-1)
-    values = run.on_points(field, line, frame, groups=["fluid", "membrane"])
+    values = run.on_points(field, line, frame)
     return star, values[:, 0] if values.ndim > 1 else values
 
 
@@ -140,35 +141,30 @@ def figures(case: Channel, run: Run, directory: Path) -> list[Path]:
 
     last = len(run) - 1
     position = run.field("position")[last]
-    save(
-        "particles",
-        plots.arrangement(position, run.static["group"], run.group_names, domain=run.domain),
-    )
+    arranged = plots.arrangement(position, run.static["group"], run.group_names, domain=run.domain)
+    save("particles", _with_sponge(case, run, arranged))
     save("cell", _close_up(case, run, last))
-    fluid = run.group("fluid", "membrane")
-    speed = np.linalg.norm(run.field("velocity")[last], axis=1)
-    save(
-        "speed",
-        plots.field_map(
-            position[fluid],
-            speed[fluid] / case.mean_velocity,
-            domain=run.domain,
-            label="|v| / v₀",
-            title=f"t* = {run.times[last] / case.time_unit:.2f}",
-        ),
-    )
+    save("receptors", _receptors(case, run, last))
+    carrying = run.carrying("velocity")
+    speed = np.linalg.norm(run.field("velocity")[last], axis=1) / case.mean_velocity
+    star = f"t* = {run.times[last] / case.time_unit:.2g}"
+    maps: dict[str, tuple[Any, ...]] = {"speed": (carrying, speed, "|v| / v₀", star, None)}
     for kind, suffix in suffixes(run).items():
-        save(
-            f"ligand_{kind}",
-            plots.field_map(
-                position[fluid],
-                run.field(f"concentration/L{suffix}")[last][fluid] / case.concentration,
-                domain=run.domain,
-                label="L / L₀",
-                title=f"{kind}, t* = {run.times[last] / case.time_unit:.2f}",
-                limits=(0.0, 1.0),
-            ),
+        name = f"concentration/L{suffix}"
+        ligand = run.field(name)[last] / case.concentration
+        title = f"{kind}, {star}"
+        maps[f"ligand_{kind}"] = (run.carrying(name), ligand, "L / L₀", title, (0.0, 1.0))
+    for name, (chosen, values, label, title, limits) in maps.items():
+        figure = plots.field_map(
+            position[chosen],
+            values[chosen],
+            domain=run.domain,
+            others=position[~chosen],
+            label=label,
+            title=title,
+            limits=limits,
         )
+        save(name, _with_sponge(case, run, figure))
     if run.times[last] / case.time_unit > MAP_TIME * (1 - 1e-9):
         save("map", _map_figure(case, run, run.at(MAP_TIME * case.time_unit)))
     save("centreline", _centreline_figure(case, run))
@@ -183,18 +179,58 @@ def _frames(case: Channel, run: Run) -> dict[float, int]:
 
 
 @plots.styled
+def _with_sponge(case: Channel, run: Run, figure: Any) -> Any:
+    """A map of the channel, with the cell and the zone marked in which the inflow is made."""
+    factor, _ = plots.length_scale(float(run.domain.lengths.max()))
+    axes, title = figure.axes[0], figure.axes[0].get_title()
+    plots.mark_zone(axes, -case.sponge_length / factor, 0.0, "sponge")
+    axes.set_title("")
+    axes.set_title(title, loc="right")  # beside the zone's name
+    around = np.linspace(0, 2 * np.pi, 100)
+    x, y = np.array(case.centre)[:, None] + case.radius * np.array([np.cos(around), np.sin(around)])
+    axes.plot(x / factor, y / factor, "-", color="black", linewidth=0.8)
+    return figure
+
+
+def _cell_axes(case: Channel) -> tuple[Any, Any, float]:
+    """A figure round the cell, and the area of a particle's disc in it."""
+    figure, axes = plots.new_figure(5.0, 3.6)
+    reach, circle = 5 * case.radius * 1e6, np.linspace(0, 2 * np.pi, 200)
+    axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
+    axes.set(xlabel="x − x(cell) [µm]", ylabel="y − y(cell) [µm]")
+    r = case.radius * 1e6
+    axes.plot(r * np.cos(circle), r * np.sin(circle), "-", color="black", linewidth=0.8)
+    return figure, axes, 30.0
+
+
+@plots.styled
 def _close_up(case: Channel, run: Run, frame: int):
-    figure, axes = plots.new_figure(4.2, 3.6)
+    """The particles at the cell by group."""
+    figure, axes, area = _cell_axes(case)
     position = (run.field("position")[frame] - np.array(case.centre)) * 1e6
     for k, name in enumerate(run.group_names):
         x = position[run.static["group"] == k]
-        axes.scatter(x[:, 0], x[:, 1], s=30, color=plots.COLOURS[k], linewidths=0, label=name)
-    reach = 5 * case.radius * 1e6
-    axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
-    axes.set(xlabel="x − x(cell) [µm]", ylabel="y − y(cell) [µm]")
-    circle = np.linspace(0, 2 * np.pi, 200)
-    r = case.radius * 1e6
-    axes.plot(r * np.cos(circle), r * np.sin(circle), "-", color="black", linewidth=0.8)
+        if np.any(np.abs(x).max(axis=1) < axes.get_xlim()[1]):
+            axes.scatter(*x.T, s=area, color=plots.COLOURS[k], linewidths=0, label=name)
+    figure.legend(loc="outside right upper")
+    return figure
+
+
+@plots.styled
+def _receptors(case: Channel, run: Run, frame: int):
+    """The share of receptors that are bound in the membrane's particles; others are grey."""
+    figure, axes, area = _cell_axes(case)
+    suffix = next(iter(suffixes(run).values()))
+    name = f"concentration/RL{suffix}"
+    x, chosen = run.field("position")[frame] - np.array(case.centre), run.carrying(name)
+    bound = run.field(name)[frame][chosen] / case.concentration
+    most = float(bound.max()) or 1.0
+    axes.scatter(*(x[run.group("fluid")] * 1e6).T, s=area, color="0.92", linewidths=0)
+    axes.scatter(*(x[~chosen & ~run.group("fluid")] * 1e6).T, s=area, color="0.7", linewidths=0)
+    mesh = axes.scatter(*(x[chosen] * 1e6).T, s=area, c=bound, vmin=0.0, vmax=most, linewidths=0)
+    scale = axes.inset_axes((1.04, 0.0, 0.04, 1.0))
+    figure.colorbar(mesh, cax=scale, label="RL / R₀ in the membrane")
+    axes.set_title(f"t* = {run.times[frame] / case.time_unit:.2g}")
     return figure
 
 
@@ -254,7 +290,7 @@ def _centreline_figure(case: Channel, run: Run):
                 label=f"{kind}, t* = {star:g}",
             )
     axes.set(xlabel="x / H", ylabel="L / L₀ on the centreline", ylim=(0, 0.6))
-    axes.legend()
+    plots.legend(axes)
     return figure
 
 
@@ -290,7 +326,7 @@ def finish_membrane(axes: Any) -> None:
     """Labels of a figure of the membrane."""
     axes.set(xlabel="angle from downstream [°]", ylabel="RL / R₀ in the membrane", ylim=(0, None))
     axes.set_xticks(np.arange(0, 361, 45))
-    axes.legend()
+    plots.legend(axes)
 
 
 @plots.styled
@@ -312,5 +348,5 @@ def _binding_figure(case: Channel, run: Run):
             label=kind,
         )
     axes.set(xlabel="t / t₀", ylabel="mean RL / R₀")
-    axes.legend()
+    plots.legend(axes)
     return figure

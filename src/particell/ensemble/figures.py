@@ -132,7 +132,7 @@ class EnsemblePlots:
         if limits:
             axes.set_ylim(*limits)
         if reference:
-            axes.legend()
+            plots.legend(axes)
         return _kept(figure, path)
 
     def histogram(

@@ -99,6 +99,19 @@ class Domain:
         over = self.periodic & (x >= self.upper)
         return np.where(over | (self.periodic & (x < first)), first, x), turns + over
 
+    def wrapped_from_zero(self, points: np.ndarray) -> np.ndarray:
+        """Points (n, dim) as seen from the lower corner, on periodic axes in 0 <= x < length."""
+        x = np.array(points, float) - self.lower
+        for a in np.flatnonzero(self.periodic):
+            length = self.lengths[a]
+            x[:, a] %= length
+            x[x[:, a] >= length, a] = 0.0  # the remainder of a tiny negative number rounds up
+        return x
+
+    def shortest(self, offsets: np.ndarray) -> np.ndarray:
+        """Differences (n, dim) of places by the nearest periodic images."""
+        return offsets - self.lengths * np.rint(offsets * self.inverse_periods)
+
     def __repr__(self) -> str:
         axes = "".join(a for a, p in zip(AXES, self.periodic, strict=False) if p)
         return (

@@ -215,6 +215,23 @@ class Walls(Operation):
             "inside walls": float(inside.sum()),
         }
 
+    def moving_surfaces(self) -> set[int]:
+        """The walls whose surfaces are elsewhere at other times, by group.
+
+        A plane that moves along itself, or a cylinder that turns, has the same one all the time.
+        """
+        p, found = self.state.particles, set()
+        v, normal, group = (p.view(name) for name in ("v", "wall_normal", "group"))
+        for g, phase in enumerate(self.state.phases):
+            rows = group == g
+            if phase.kind != "wall" or phase.slides or not rows.any():
+                continue
+            motion = self.motions.get(phase.name)
+            across = np.abs(np.sum(v[rows] * normal[rows], axis=1)).max()
+            if across > 1e-9 * np.abs(v[rows]).max() or (motion and motion.displacement):
+                found.add(g)
+        return found
+
     def inside(self, x: np.ndarray, time: float) -> np.ndarray:
         """Mask (n,) of the points x (n, D) that lie beyond the surface of a wall at a time."""
         found = np.zeros(len(x), dtype=bool)

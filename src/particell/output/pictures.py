@@ -9,12 +9,14 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from particell import plots
-from particell.analysis.fields import line, plane
+from particell.analysis.fields import line
+from particell.analysis.fields import plane as plane_cells
 from particell.errors import InputError
-from particell.geometry.domain import AXES
+from particell.geometry.domain import AXES, Domain
 from particell.output.quantities import Quantity, Shown
 from particell.output.recorded import Recorded
-from particell.plots.maps import move_particles
+from particell.plots.maps import move_cells, move_particles
+from particell.plots.planes import Plane, plane_across, planes_of
 
 Limits = tuple[float, float] | None
 #: Cells along the longer side of a map.
@@ -38,7 +40,7 @@ class FramePicture(Protocol):
 
 
 class Scatter:
-    """The particles, coloured by a field."""
+    """The particles, coloured by a field; grey those that do not carry it."""
 
     def __init__(
         self,
@@ -52,11 +54,25 @@ class Scatter:
         self.run, self.colours = run, colours
         self.shown = Shown(run, what, component, label)
         self.chosen = run.chosen(groups)
+        if groups is None and self.shown.is_field:
+            self.chosen = run.carrying(self.shown.name) | self._moving_walls()
 
-    def values(self, frame: int) -> tuple[np.ndarray, np.ndarray]:
-        """Positions (m, D) and values (m,)."""
-        position = self.run.source.read("position", frame)[self.chosen]
-        return position, self.shown.at(frame)[self.chosen]
+    def _moving_walls(self) -> np.ndarray:
+        """Mask (n,) of walls that move, which have a velocity of their own."""
+        run, nothing = self.run, np.zeros(len(self.chosen), bool)
+        if self.shown.name != "velocity" or not len(run):
+            return nothing
+        for g, role in enumerate(run.source.roles()):
+            rows = run.static["group"] == g
+            if role.kind == "wall" and np.any(run.source.read("velocity", -1)[rows]):
+                nothing |= rows
+        return nothing
+
+    def values(self, frame: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Positions (m, D) and values (m,), and the positions of the others."""
+        position = self.run.source.read("position", frame)
+        values = self.shown.at(frame)[self.chosen]
+        return position[self.chosen], values, position[~self.chosen]
 
     def extremes(self, frame: int) -> tuple[float, float]:
         """See :class:`FramePicture`."""
@@ -64,11 +80,12 @@ class Scatter:
 
     def draw(self, frame: int, limits: Limits) -> Figure:
         """See :class:`FramePicture`."""
-        position, values = self.values(frame)
+        position, values, others = self.values(frame)
         return plots.field_map(
             position,
             values,
             domain=self.run.domain,
+            others=others,
             label=self.shown.label,
             title=self.run.title(frame),
             limits=limits,
@@ -77,14 +94,14 @@ class Scatter:
 
     def move(self, figure: Figure, frame: int) -> None:
         """See :class:`FramePicture`."""
-        move_particles(figure, *self.values(frame), self.run.domain)
-        figure.axes[0].set_title(self.run.title(frame))
+        move_particles(figure, *self.values(frame), self.run.domain, self.run.title(frame))
 
 
 class GridMap:
-    """A field on a regular grid, or on a plane across a 3D domain.
+    """A field on a regular grid, in 3D on planes across the domain.
 
-    ``across`` is the axis that the plane is perpendicular to, ``at`` its coordinate in m.
+    ``across`` is the axis that a plane is perpendicular to, ``at`` its coordinate in m; without it
+    three through the middle are shown.
     """
 
     def __init__(
@@ -102,24 +119,33 @@ class GridMap:
     ):
         self.run, self.colours, self.options = run, colours, {"groups": groups, **options}
         self.shown = _field(run, what, component, label)
-        self.points, self.axes = _places(run, cells, across, at)
+        self.planes = _planes(run.domain, across, at)
+        self.points = [_cells(run.domain, plane, cells, len(self.planes)) for plane in self.planes]
+        carried = run.chosen(groups) if groups is not None else run.carrying(self.shown.name)
+        self.others = np.flatnonzero(~carried)
 
-    def values(self, frame: int) -> np.ndarray:
-        """Of the cells, (nx, ny)."""
-        points = self.points.reshape(-1, self.run.domain.dim)
+    def values(self, frame: int) -> list[np.ndarray]:
+        """Of the cells of each plane, (nx, ny)."""
+        return [self._values(points, frame) for points in self.points]
+
+    def _values(self, cells: np.ndarray, frame: int) -> np.ndarray:
+        points = cells.reshape(-1, self.run.domain.dim)
         found = self.run.on_points(self.shown.name, points, frame, **self.options)
-        return self.shown.scalar(found).reshape(self.points.shape[:-1])
+        return self.shown.scalar(found).reshape(cells.shape[:-1])
 
     def extremes(self, frame: int) -> tuple[float, float]:
         """See :class:`FramePicture`."""
-        return _extremes(self.values(frame))
+        return _extremes(np.concatenate([np.ravel(v) for v in self.values(frame)]))
 
     def draw(self, frame: int, limits: Limits) -> Figure:
         """See :class:`FramePicture`."""
+        position = self.run.source.read("position", frame)
         return plots.grid_map(
             self.values(frame),
+            self.planes,
             domain=self.run.domain,
-            axes=self.axes,
+            others=position[self.others],
+            count=plots.within(position, self.run.domain),
             label=self.shown.label,
             title=self.run.title(frame),
             limits=limits,
@@ -128,8 +154,11 @@ class GridMap:
 
     def move(self, figure: Figure, frame: int) -> None:
         """See :class:`FramePicture`."""
-        figure.axes[0].images[0].set_data(self.values(frame).T)
-        figure.axes[0].set_title(self.run.title(frame))
+        position = self.run.source.read("position", frame)
+        count = plots.within(position, self.run.domain)
+        others, domain = position[self.others], self.run.domain
+        values, title = self.values(frame), self.run.title(frame)
+        move_cells(figure, values, self.planes, others, count, domain, title)
 
 
 class Profile:
@@ -216,27 +245,38 @@ def _common(labels: Sequence[str]) -> str:
     return f"[{units.pop()}" if all(units) else ""
 
 
-def _places(
-    run: Recorded, cells: int | Sequence[int] | None, across: str | None, at: float | None
-) -> tuple[np.ndarray, tuple[int, int]]:
-    """Centres of the cells of a map, (nx, ny, D), and the two axes that are seen."""
-    domain = run.domain
+def _planes(domain: Domain, across: str | None, at: float | None) -> list[Plane]:
+    """The planes that a map shows."""
     if domain.dim == 1:
         raise InputError("run", "in 1D", "in 2D or 3D for a map (in 1D: plot.line)")
     if domain.dim == 2:
         if across is not None or at is not None:
             raise InputError("across", across, "left out in 2D")
-        normal = None
-    else:
-        across = "z" if across is None else across
-        if across not in tuple(AXES):
-            raise InputError("across", across, "'x', 'y' or 'z'")
-        normal = AXES.index(across)
-    seen = tuple(a for a in range(domain.dim) if a != normal)
-    sides = domain.lengths[list(seen)]
+        return planes_of(domain)
+    if across is None:
+        if at is not None:
+            raise InputError("at", at, "given with 'across', the axis that it is on")
+        return planes_of(domain)
+    if across not in tuple(AXES):
+        raise InputError("across", across, "'x', 'y' or 'z'")
+    normal = AXES.index(across)
+    middle = 0.5 * float(domain.lower[normal] + domain.upper[normal])
+    return [plane_across(domain, normal, middle if at is None else at)]
+
+
+def _cells(
+    domain: Domain, plane: Plane, cells: int | Sequence[int] | None, count: int
+) -> np.ndarray:
+    """Centres of the cells of a plane, (nx, ny, D)."""
+    seen = [plane.first, plane.second]
     if cells is None:
+        sides = domain.lengths[seen]
         cells = [max(1, round(CELLS * side / sides.max())) for side in sides]
-    return plane(domain, cells, normal, at), (seen[0], seen[1])
+    elif count > 1 and not isinstance(cells, int):
+        if len(cells) != domain.dim:
+            raise InputError("cells", cells, "a positive number, or one for each axis")
+        cells = [cells[axis] for axis in seen]
+    return plane_cells(domain, cells, plane.normal, plane.at if plane.normal is not None else None)
 
 
 def line_of(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,7 +13,14 @@ from particell.errors import InputError
 from particell.geometry.domain import Domain
 from particell.output import time_averages
 from particell.output.sources import Source, known
+from particell.roles import carriers
 from particell.units import time_scale
+
+if TYPE_CHECKING:
+    from particell.analysis.bounded import Arrangement
+
+#: What does not change of wall particles, by which their surfaces are known.
+SURFACE = {"wall_normal", "wall_depth", "wall_curvature"}
 
 
 class Recorded:
@@ -120,14 +127,22 @@ class Recorded:
 
     def group(self, *names: str) -> np.ndarray:
         """Boolean mask (n,) of the particles of one or several groups."""
-        chosen = [self.group_names.index(known("group", g, self.group_names)) for g in names]
-        return np.isin(self.static["group"], chosen)
+        return np.isin(self.static["group"], self.indices(names))
 
     def chosen(self, groups: str | Sequence[str] | None) -> np.ndarray:
         """As :meth:`group`, of one name or a list of them; None is all particles."""
         if groups is None:
             return np.ones(len(self.static["group"]), bool)
         return self.group(*([groups] if isinstance(groups, str) else groups))
+
+    def indices(self, groups: str | Sequence[str]) -> list[int]:
+        """The numbers of groups, given by name, in the static field ``group``."""
+        names = [groups] if isinstance(groups, str) else groups
+        return [self.group_names.index(known("group", g, self.group_names)) for g in names]
+
+    def carrying(self, name: str) -> np.ndarray:
+        """Mask (n,) of the particles that carry a field: see :meth:`on_points`."""
+        return np.isin(self.static["group"], carriers(self.source.roles(), name))
 
     def at(self, time: float) -> int:
         """Index of the frame nearest to a time in s.
@@ -155,6 +170,11 @@ class Recorded:
     ) -> np.ndarray:
         """Interpolate a field.
 
+        By default it is carried by the groups that have it: of a species those that hold it, of
+        the rest the fluids. Points inside solids, and in other fluids, have none. Walls that hold a
+        value at their surface give it there: their velocity (no slip), or a concentration that is
+        fixed. Particles know their wall's surface: planes, circles and spheres exactly.
+
         Parameters
         ----------
         name
@@ -164,7 +184,8 @@ class Recorded:
         frame
             Which frame.
         groups
-            The groups whose particles carry the field (default: all).
+            The groups whose particles are used, and nothing but these: no values of walls (points
+            inside the solids of other groups have none all the same).
         order
             0: weights that add up to one (Shepard), exact on constants; 1: exact on linear fields.
         kernel
@@ -175,23 +196,54 @@ class Recorded:
         Returns
         -------
         numpy.ndarray
-            (m,) or (m, D); NaN where there is no particle within the support.
+            (m,) or (m, D); NaN where there is no particle within the support, and in solids.
         """
-        from particell.analysis.fields import interpolate
+        from particell.analysis.bounded import at_points
 
         frame = self.checked(frame)
         known("field", name, self.field_names)
-        chosen = self.chosen(groups)
-        return interpolate(
+        chosen = None if groups is None else self.indices(groups)
+        return at_points(
+            self.arrangement(frame),
+            name,
             points,
-            self.source.read("position", frame)[chosen],
-            self.source.read(name, frame)[chosen],
-            volume=self._volume(frame)[chosen],
-            support=self._given("support", frame)[chosen] if support is None else support,
-            domain=self.domain,
-            kernel=kernel,
+            self.source.read(name, frame),
+            self._volume(frame),
+            groups=chosen,
             order=order,
+            kernel=kernel,
+            support=support,
         )
+
+    def arrangement(self, frame: int) -> Arrangement:
+        """The particles of a frame, and what is known of walls and of what holds which field."""
+        from particell.analysis.bounded import Arrangement
+
+        position, found = self.source.read("position", frame), self.static
+        surface: tuple[Any, ...] = ()
+        if set(found) >= SURFACE:
+            surface = (self._normals(frame), found["wall_depth"], found["wall_curvature"])
+        group, support = found["group"], self._given("support", frame)
+        return Arrangement(self.domain, self.source.roles(), group, position, support, *surface)
+
+    def _normals(self, frame: int) -> np.ndarray:
+        """Normals of walls, which turn with bodies that turn."""
+        from particell.analysis.surfaces import turned
+
+        normal = np.array(self.static["wall_normal"])
+        for g, role in enumerate(self.source.roles()):
+            rows = np.flatnonzero(self.static["group"] == g)
+            if role.kind == "wall" and len(rows) and normal[rows].any():
+                first, now = (self._unwrapped(k)[rows] for k in (0, frame))
+                normal[rows] = turned(normal[rows], first, now)
+        return normal
+
+    def _unwrapped(self, frame: int) -> np.ndarray:
+        """Positions (n, D) without jumps across periodic faces."""
+        position = self.source.read("position", frame)
+        if "image" not in self.field_names:
+            return position
+        return position + self.source.read("image", frame) * self.domain.lengths
 
     def on_line(
         self, name: str, start, end, points: int = 101, frame: int = -1, **options: Any

@@ -16,6 +16,7 @@ from particell.output.files import read_json
 from particell.output.recorded import Recorded
 from particell.output.sources import FileSource, MemorySource, known
 from particell.representation import block, shown, table
+from particell.roles import Role
 from particell.units import length_scale, observable_unit
 
 if TYPE_CHECKING:
@@ -67,6 +68,7 @@ class Run(Recorded):
         summary: Mapping[str, Any] | None = None,
         points: Mapping[str, np.ndarray] | None = None,
         units: Mapping[str, str] | None = None,
+        roles: Sequence[Role] | None = None,
     ) -> Run:
         """A run that was not written to a directory.
 
@@ -82,10 +84,12 @@ class Run(Recorded):
             Where time averages were taken, by name.
         units
             Of fields that have none by their names.
+        roles
+            What the groups are to fields, in their order.
         """
         run = cls.__new__(cls)
         series = (steps, times, frames, observables)
-        source = MemorySource(domain, groups, static, *series, points, units)
+        source = MemorySource(domain, groups, static, *series, points, units, roles)
         Recorded.__init__(run, source)
         run.__dict__["summary"] = dict(summary or {})
         return run

@@ -39,7 +39,7 @@ class RunPlots:
       (frames, n), in the order of the particles' ids.
     - ``component``: of a vector, 0, 1, 2 or ``"x"``, ``"y"``, ``"z"``; by default its magnitude.
     - ``frame``: which one; negative numbers count from the end.
-    - ``groups``: a group of particles or several (default: all).
+    - ``groups``: a group of particles or several (default: those that carry the field).
     - ``limits``: least and greatest value on the scale; ``colours``: a colour map by name;
       ``label``: of the scale, instead of name and unit.
 
@@ -69,9 +69,9 @@ class RunPlots:
         label: str | None = None,
         path: str | Path | None = None,
     ) -> Figure:
-        """The particles of a frame, coloured by a field.
+        """The particles of a frame, coloured by a field; grey those that do not carry it.
 
-        In 3D they are seen along z; in 1D the field is drawn against x.
+        In 3D three slices through the middle, one particle thick; in 1D the field against x.
         """
         picture = Scatter(self.run, what, groups, component, label, colours)
         return _kept(picture.draw(self.run.checked(frame), limits), path)
@@ -92,15 +92,17 @@ class RunPlots:
         path: str | Path | None = None,
         **options: Any,
     ) -> Figure:
-        """A field on a regular grid that fills the domain, or on a plane across a 3D one.
+        """A field on a regular grid that fills the domain, in 3D on planes across it.
+
+        Bodies and walls are blank, with their particles in grey; see :meth:`.Run.on_points`.
 
         Parameters
         ----------
         cells
-            Along the two axes (default: 200 along the longer one).
+            Along the axes (default: 200 along the longer one of a plane).
         across, at
-            In 3D: the axis that the plane is perpendicular to (default ``"z"``), and where on it
-            in m (default: in the middle).
+            In 3D: the axis that the plane is perpendicular to, and where on it in m (default: in
+            the middle). Without them there are three planes, through the middle.
         **options
             Of the interpolation: ``order``, ``kernel`` and ``support``, as for
             :meth:`Run.on_points`. Without particles near a cell, it is left blank.

@@ -21,10 +21,13 @@ from particell.output.h5md import (
     open_trajectory,
     text,
 )
+from particell.roles import Role
 from particell.units import field_unit
 
 # What indexes the frames of a series: as NumPy does.
 Index = Any
+#: Where a run's parameters say what its groups are to fields.
+ROLES = "groups"
 
 
 class Source(Protocol):
@@ -47,6 +50,7 @@ class Source(Protocol):
     def points(self) -> dict[str, np.ndarray]: ...
     def static(self) -> dict[str, np.ndarray]: ...
     def parameters(self) -> dict[str, Any]: ...
+    def roles(self) -> list[Role]: ...
 
 
 class MemorySource:
@@ -63,8 +67,10 @@ class MemorySource:
         observables: Sequence[Mapping[str, Any]],
         points: Mapping[str, np.ndarray] | None = None,
         units: Mapping[str, str] | None = None,
+        roles: Sequence[Role] | None = None,
     ):
         self.domain, self.groups, self._units = domain, list(groups), dict(units or {})
+        self._roles = list(roles or map(Role, groups))
         self._static, self._points = dict(static), dict(points or {})
         self._steps, self._times = steps, times
         self._frames, self._observables = frames, observables
@@ -113,6 +119,9 @@ class MemorySource:
     def parameters(self) -> dict[str, Any]:
         return {}
 
+    def roles(self) -> list[Role]:
+        return self._roles
+
 
 class FileSource:
     """Frames in an H5MD file, opened anew for every access, so that it may still be growing."""
@@ -131,6 +140,7 @@ class FileSource:
             kinds = h5py.check_enum_dtype(file[f"{PARTICLES}/species"].dtype)
             self.groups = sorted(kinds, key=kinds.__getitem__)
             self._fields = sorted(element_names(file[PARTICLES]))
+            self._roles = _roles_in(file, self.groups)
             # In SWMR mode the observables are there from the start, though they grow later.
             known = file.get("observables")
             self._observables = sorted(element_names(known)) if known else []
@@ -207,6 +217,19 @@ class FileSource:
         if not isinstance(content, dict):
             raise InputError("parameters of the trajectory", written, "JSON of a table")
         return content
+
+    def roles(self) -> list[Role]:
+        return self._roles
+
+
+def _roles_in(file: h5py.File, groups: Sequence[str]) -> list[Role]:
+    """What the run's parameters say of the groups; fluids of everything where they say nothing."""
+    try:
+        listed = json.loads(text(file["parameters/run"][()])).get(ROLES, [])
+        found = {role.name: role for role in map(Role.of, listed)}
+    except (KeyError, TypeError, ValueError, AttributeError):
+        found = {}
+    return [found.get(name, Role(name)) for name in groups]
 
 
 def known(what: str, name: str, names: Sequence[str]) -> str:

@@ -1,7 +1,7 @@
 """Pictures in one style: maps, profiles against a reference, arrangements, series, histograms."""
 
 from particell.plots.curves import curves, draw_series, expected_on, histogram, profile, time_series
-from particell.plots.maps import arrangement, field_map, grid_map
+from particell.plots.maps import arrangement, field_map, grid_map, mark_zone, within
 from particell.plots.style import (
     COLOURS,
     MARKERS,
@@ -9,6 +9,7 @@ from particell.plots.style import (
     Picture,
     field_label,
     label,
+    legend,
     new_figure,
     new_panels,
     save,
@@ -30,7 +31,9 @@ __all__ = [
     "grid_map",
     "histogram",
     "label",
+    "legend",
     "length_scale",
+    "mark_zone",
     "new_figure",
     "new_panels",
     "profile",
@@ -38,4 +41,5 @@ __all__ = [
     "styled",
     "time_scale",
     "time_series",
+    "within",
 ]

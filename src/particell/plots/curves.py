@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from particell.errors import InputError
-from particell.plots.style import COLOURS, MARKERS, new_figure, styled
+from particell.plots.style import COLOURS, MARKERS, legend, new_figure, styled
 from particell.units import time_scale
 
 DASHES = ("--", ":", "-.")
@@ -54,7 +54,7 @@ def profile(
             zorder=2,
         )
     axes.set(xlabel=xlabel, ylabel=ylabel, title=title)
-    axes.legend()
+    legend(axes)
     return figure
 
 
@@ -107,7 +107,7 @@ def draw_series(
     if logarithmic:
         axes.set_yscale("log")
     if len(series) + len(reference or {}) > 1 or not ylabel.startswith(tuple(series)):
-        axes.legend()  # the label alone does not say what it is
+        legend(axes)  # the label alone does not say what it is
 
 
 @styled
@@ -137,7 +137,7 @@ def curves(
     _dashed(axes, coordinate, reference or {})
     axes.set(xlabel=xlabel, ylabel=ylabel, title=title)
     if len(computed) + len(reference or {}) > 1:
-        axes.legend()
+        legend(axes)
     return figure
 
 
@@ -172,7 +172,7 @@ def histogram(
     axes.set(xlabel=xlabel, ylabel=ylabel, title=title)
     axes.set_ylim(bottom=0)
     if reference:
-        axes.legend()
+        legend(axes)
     return figure
 
 

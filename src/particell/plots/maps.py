@@ -1,4 +1,4 @@
-"""Fields and particles in the plane."""
+"""Fields and particles in the plane, in 3D in three planes through the middle."""
 
 from __future__ import annotations
 
@@ -10,9 +10,20 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
 
-from particell.geometry.domain import AXES, Domain
+from particell.geometry.domain import Domain
+from particell.plots.planes import (
+    Plane,
+    box_of,
+    marker_area,
+    panels,
+    planes_of,
+    spacing_of,
+)
 from particell.plots.style import COLOURS, new_figure, styled
 from particell.units import length_scale
+
+#: Colour of particles that carry no field: walls, bodies, other fluids.
+GREY = "0.75"
 
 
 @styled
@@ -21,13 +32,16 @@ def field_map(
     values: np.ndarray,
     *,
     domain: Domain,
+    others: np.ndarray | None = None,
     label: str = "",
     title: str = "",
     style: str = "scatter",
     limits: tuple[float, float] | None = None,
     colours: str = "viridis",
 ) -> Figure:
-    """Map of a field in a plane, or its graph on a line.
+    """Map of a field of particles in a plane, or its graph on a line.
+
+    In 3D three slices through the middle, one particle thick.
 
     Parameters
     ----------
@@ -36,105 +50,181 @@ def field_map(
     values
         (n,).
     domain
-        The box, which is what is shown.
+        The box, which is what is shown, with what of ``others`` lies round it.
+    others
+        Particles that carry nothing of the field, (m, D): walls and bodies, grey.
     label
         Name and unit of the field.
     style
-        ``"scatter"`` or ``"tripcolor"``.
+        ``"scatter"`` or ``"tripcolor"`` (in 2D).
     limits
         Least and greatest value of the colour scale.
     colours
         Name of a colour map.
     """
     factor, unit = length_scale(float(domain.lengths.max()))
-    x = position / factor
     if domain.dim == 1:
         figure, axes = new_figure()
-        axes.plot(x[:, 0], values, ".", markersize=3)
+        axes.plot(position[:, 0] / factor, values, ".", markersize=3)
         axes.set(xlabel=f"x [{unit}]", ylabel=label, title=title)
         if limits:
             axes.set_ylim(*limits)
         return figure
-    figure, axes = _plane(domain, factor, unit)
-    if domain.dim == 3:  # what is nearer to the eye is drawn later
-        order = np.argsort(x[:, 2], kind="stable")
-        x, values = x[order], values[order]
-    low, high = limits or (None, None)
-    if style == "tripcolor" and len(x) > 2:
-        # Given x, y and values, matplotlib would first try the values as triangles.
-        triangles = Triangulation(x[:, 0], x[:, 1])
-        mesh: Any = axes.tripcolor(
-            triangles, values, shading="gouraud", cmap=colours, vmin=low, vmax=high
-        )
-    else:
-        mesh = axes.scatter(
-            x[:, 0],
-            x[:, 1],
-            c=values,
-            s=_marker_area(figure, domain, len(x)),
-            cmap=colours,
-            vmin=low,
-            vmax=high,
-            linewidths=0,
-        )
-    _scale(figure, axes, mesh, label)
-    axes.set_title(title)
+    rest = np.zeros((0, domain.dim)) if others is None else others
+    planes, spacing = (
+        planes_of(domain),
+        spacing_of(domain, within(position, domain) + within(rest, domain)),
+    )
+    figure, grid = panels(domain, planes, box_of(domain, rest, 0.5 * spacing))
+    low, high = limits or _extremes(values)
+    area = marker_area(grid[0], spacing, domain)
+    options: dict[str, Any] = {"cmap": colours, "vmin": low, "vmax": high}
+    for axes, plane in zip(grid, planes, strict=True):
+        chosen = plane.within(position, spacing)
+        x = plane.seen(position[chosen]) / factor
+        if style == "tripcolor" and domain.dim == 2 and len(x) > 2:
+            # Given x, y and values, matplotlib would first try the values as triangles.
+            triangles = Triangulation(x[:, 0], x[:, 1])
+            mesh: Any = axes.tripcolor(triangles, values[chosen], shading="gouraud", **options)
+        else:
+            mesh = axes.scatter(x[:, 0], x[:, 1], c=values[chosen], s=area, linewidths=0, **options)
+        _draw_others(axes, plane, rest, spacing, area, factor)
+    _scale(figure, grid[-1], mesh, label)
+    _entitle(figure, grid, title)
     return figure
 
 
-def move_particles(figure: Figure, position: np.ndarray, values: np.ndarray, domain: Domain):
+def within(position: np.ndarray, domain: Domain) -> int:
+    """How many particles lie in a domain."""
+    return int(np.all((position >= domain.lower) & (position <= domain.upper), axis=1).sum())
+
+
+def _extremes(values: np.ndarray) -> tuple[float | None, float | None]:
+    """One scale for all planes; None lets matplotlib choose."""
+    finite = values[np.isfinite(values)] if len(values) else values
+    return (float(finite.min()), float(finite.max())) if len(finite) else (None, None)
+
+
+def _draw_others(
+    axes: Axes, plane: Plane, others: np.ndarray, spacing: float, area: float, factor: float
+) -> None:
+    """Particles without the field, behind those with it."""
+    if len(others):
+        x = plane.seen(others[plane.within(others, spacing)]) / factor
+        axes.scatter(x[:, 0], x[:, 1], s=area, color=GREY, linewidths=0, zorder=0.5)
+
+
+def _entitle(figure: Figure, grid: Sequence[Axes], title: str) -> None:
+    """A title over one plane, or over all."""
+    if len(grid) == 1:
+        grid[0].set_title(title)
+    else:
+        figure.suptitle(title, fontsize="medium")
+
+
+def move_particles(
+    figure: Figure,
+    position: np.ndarray,
+    values: np.ndarray,
+    others: np.ndarray,
+    domain: Domain,
+    title: str,
+) -> None:
     """Put the particles of a scattered :func:`field_map` elsewhere, with other values."""
-    x = position / length_scale(float(domain.lengths.max()))[0]
-    (axes, *_) = figure.axes
+    factor, planes = length_scale(float(domain.lengths.max()))[0], planes_of(domain)
     if domain.dim == 1:
-        axes.lines[0].set_data(x[:, 0], values)
-        return
-    order = np.argsort(x[:, 2], kind="stable") if domain.dim == 3 else slice(None)
-    axes.collections[0].set_offsets(x[order, :2])
-    axes.collections[0].set_array(values[order])
+        figure.axes[0].lines[0].set_data(position[:, 0] / factor, values)
+    else:
+        spacing = spacing_of(domain, within(position, domain) + within(others, domain))
+        for axes, plane in zip(figure.axes, planes, strict=False):
+            chosen = plane.within(position, spacing)
+            axes.collections[0].set_offsets(plane.seen(position[chosen]) / factor)
+            axes.collections[0].set_array(values[chosen])
+            _move_others(axes, plane, others, spacing, factor)
+    _entitle(figure, figure.axes[: len(planes)], title)
+
+
+def _move_others(
+    axes: Axes, plane: Plane, others: np.ndarray, spacing: float, factor: float
+) -> None:
+    if len(others):
+        x = plane.seen(others[plane.within(others, spacing)]) / factor
+        axes.collections[-1].set_offsets(x)
 
 
 @styled
 def grid_map(
-    values: np.ndarray,
+    values: Sequence[np.ndarray],
+    planes: Sequence[Plane],
     *,
     domain: Domain,
-    axes: tuple[int, int] = (0, 1),
+    others: np.ndarray | None = None,
+    count: int = 0,
     label: str = "",
     title: str = "",
     limits: tuple[float, float] | None = None,
     colours: str = "viridis",
 ) -> Figure:
-    """Map of the cells of a regular grid that fills a domain, or a plane across it.
+    """Map of the cells of regular grids that fill a domain, or planes across it.
 
     Parameters
     ----------
     values
-        Of the cells, (nx, ny); NaN is left blank.
+        Of the cells of each plane, (nx, ny); NaN is left blank.
+    planes
+        Where they are.
     domain
         The box.
-    axes
-        Which two of its axes are seen.
+    others
+        Particles that carry nothing of the field, (m, D) in m: grey where it is blank.
+    count
+        Number of all particles in the domain, by which those are as large as they are.
     label, title, limits, colours
         As for :func:`field_map`.
     """
-    factor, unit = length_scale(float(domain.lengths.max()))
-    figure, panel = _plane(domain, factor, unit, axes)
-    low, high = limits or (None, None)
-    first, second = axes
-    box = [domain.lower[first], domain.upper[first], domain.lower[second], domain.upper[second]]
-    image = panel.imshow(
-        values.T,
-        origin="lower",
-        extent=tuple(np.array(box) / factor),
-        cmap=colours,
-        vmin=low,
-        vmax=high,
-        interpolation="nearest",
-    )
-    _scale(figure, panel, image, label)
-    panel.set_title(title)
+    factor, _ = length_scale(float(domain.lengths.max()))
+    rest = np.zeros((0, domain.dim)) if others is None else others
+    spacing = spacing_of(domain, count)
+    figure, grid = panels(domain, list(planes), box_of(domain, rest, 0.5 * spacing))
+    low, high = limits or _extremes(np.concatenate([np.ravel(v) for v in values]))
+    area = marker_area(grid[0], spacing, domain)
+    for axes, plane, cells in zip(grid, planes, values, strict=True):
+        seen = [plane.first, plane.second]
+        box = np.stack([domain.lower[seen], domain.upper[seen]], axis=1).ravel()
+        view = axes.get_xlim(), axes.get_ylim()
+        image = axes.imshow(
+            cells.T,
+            origin="lower",
+            extent=tuple(box / factor),
+            cmap=colours,
+            vmin=low,
+            vmax=high,
+            interpolation="nearest",
+            zorder=1,
+        )
+        axes.set(xlim=view[0], ylim=view[1])
+        _draw_others(axes, plane, rest, spacing, area, factor)
+    _scale(figure, grid[-1], image, label)
+    _entitle(figure, grid, title)
     return figure
+
+
+def move_cells(
+    figure: Figure,
+    values: Sequence[np.ndarray],
+    planes: Sequence[Plane],
+    others: np.ndarray,
+    count: int,
+    domain: Domain,
+    title: str,
+) -> None:
+    """Other values for the cells of a :func:`grid_map`, and other places for the grey particles."""
+    factor = length_scale(float(domain.lengths.max()))[0]
+    spacing = spacing_of(domain, count)
+    for axes, plane, cells in zip(figure.axes, planes, values, strict=False):
+        axes.images[0].set_data(cells.T)
+        _move_others(axes, plane, others, spacing, factor)
+    _entitle(figure, figure.axes[: len(values)], title)
 
 
 def _scale(figure: Figure, axes: Axes, mesh: Any, label: str) -> None:
@@ -146,51 +236,46 @@ def _scale(figure: Figure, axes: Axes, mesh: Any, label: str) -> None:
 def arrangement(
     position: np.ndarray, group: np.ndarray, names: Sequence[str], *, domain: Domain
 ) -> Figure:
-    """The particles, coloured by group (a 3D arrangement is seen along z)."""
-    factor, unit = length_scale(float(domain.lengths.max()))
-    figure, axes = _plane(domain, factor, unit)
-    for k, name in enumerate(names):
-        x = position[group == k] / factor
-        if len(x):
-            area = _marker_area(figure, domain, len(position))
-            second = x[:, 1] if domain.dim > 1 else np.zeros(len(x))
-            colour = COLOURS[k % len(COLOURS)]
-            axes.scatter(x[:, 0], second, s=area, color=colour, linewidths=0, label=name)
-    figure.legend(loc="outside right upper", markerscale=_legend_scale(figure, domain, position))
+    """The particles, coloured by group; in 3D three slices through the middle."""
+    factor, _ = length_scale(float(domain.lengths.max()))
+    planes = planes_of(domain)
+    spacing = spacing_of(domain, within(position, domain))
+    figure, grid = panels(domain, planes, box_of(domain, position, 0.5 * spacing))
+    area = marker_area(grid[0], spacing, domain)
+    shown: dict[str, Any] = {}
+    for axes, plane in zip(grid, planes, strict=True):
+        chosen = plane.within(position, spacing)
+        for k, name in enumerate(names):
+            x = plane.seen(position[chosen & (group == k)]) / factor
+            if len(x):
+                colour = COLOURS[k % len(COLOURS)]
+                shown[name] = axes.scatter(
+                    x[:, 0], x[:, 1], s=area, color=colour, linewidths=0, label=name
+                )
+    if shown:
+        figure.legend(
+            list(shown.values()),
+            list(shown),
+            loc="outside right upper",
+            markerscale=float(np.sqrt(30 / area)),
+        )
     return figure
 
 
-def _legend_scale(figure: Figure, domain: Domain, position: np.ndarray) -> float:
-    return float(np.sqrt(30 / _marker_area(figure, domain, len(position))))
-
-
-def _plane(
-    domain: Domain, factor: float, unit: str, seen: tuple[int, int] = (0, 1)
-) -> tuple[Figure, Axes]:
-    first, second = seen
-    lengths, lower, upper = domain.lengths, domain.lower / factor, domain.upper / factor
-    sides = lengths[list(seen)] if domain.dim > 1 else lengths[[0, 0]] * (1, 0.2)
-    width = 4.6
-    # Room for the labels and, at the right, for the scale.
-    height = float(np.clip((width - 1.4) * sides[1] / sides[0] + 0.8, 1.6, 7.0))
-    figure, axes = new_figure(width, height)
-    axes.set_aspect("equal")
-    axes.set_xlim(lower[first], upper[first])
-    axes.set_xlabel(f"{AXES[first]} [{unit}]")
-    if domain.dim > 1:
-        axes.set_ylim(lower[second], upper[second])
-        axes.set_ylabel(f"{AXES[second]} [{unit}]")
-    else:
-        axes.set_yticks([])
-    return figure, axes
-
-
-def _marker_area(figure: Figure, domain: Domain, n: int) -> float:
-    """Area in points² of a disc as wide as the spacing of n particles that fill the domain."""
-    width, height = figure.get_size_inches() - (1.4, 0.8)
-    if domain.dim == 1:
-        return float((72 * width / max(n, 1)) ** 2)
-    lengths = domain.lengths[:2]
-    scale = min(width / lengths[0], height / lengths[1])
-    spacing = (domain.volume / max(n, 1)) ** (1 / domain.dim)
-    return float(np.clip(1.2 * (72 * spacing * scale) ** 2, 0.3, 400))
+@styled
+def mark_zone(axes: Axes, low: float, high: float, name: str) -> None:
+    """Mark what lies between two values of x (in the axes' unit): a hatched strip with a name."""
+    axes.axvspan(
+        low, high, facecolor="none", edgecolor="0.2", hatch="////", linewidth=0.6, alpha=0.5
+    )
+    axes.annotate(
+        name,
+        (0.5 * (low + high), 1.0),
+        xycoords=axes.get_xaxis_transform(),
+        xytext=(0, 2),
+        textcoords="offset points",
+        annotation_clip=False,
+        ha="center",
+        va="bottom",
+        fontsize="small",
+    )

@@ -64,6 +64,16 @@ def styled(function: _F) -> _F:
 class Picture(Figure):
     """A figure that notebooks display (matplotlib's own need pyplot for it)."""
 
+    def savefig(self, *args: Any, **options: Any) -> None:
+        """As matplotlib's, with labels and scales in their places.
+
+        The room for them is found from where axes were before; where their sides have a given
+        ratio it takes a second time, without which labels were cut.
+        """
+        for _ in range(2):
+            self.draw_without_rendering()
+        super().savefig(*args, **options)
+
     @styled
     def _repr_png_(self) -> tuple[bytes, dict[str, int]]:
         file = io.BytesIO()
@@ -91,6 +101,12 @@ def new_panels(count: int) -> tuple[Figure, list[Axes]]:
     for axes in panels[count:]:
         axes.set_axis_off()
     return figure, panels[:count]
+
+
+def legend(axes: Axes, **options: Any) -> None:
+    """A legend, where there is something to name: a short run may have reached nothing yet."""
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(**options)
 
 
 @styled

@@ -74,7 +74,18 @@ def check_description(simulation: Simulated, found: Any) -> None:
         raise InputError("checkpoint", "another kind of state", "of a simulation")
     for part, text in now.items():
         if found[part] != text:
-            raise InputError(f"{part} of the checkpoint", found[part], f"as now: {text}")
+            before, after = _apart(str(found[part]), text)
+            raise InputError(f"{part} of the checkpoint", before, f"as now: {after}")
+
+
+def _apart(before: str, after: str) -> tuple[str, str]:
+    """Two texts without what is the same at their beginnings and ends, by whole parts of lists."""
+    one, other = before.split(", "), after.split(", ")
+    while len(one) > 1 and len(other) > 1 and one[0] == other[0]:
+        one, other = one[1:], other[1:]
+    while len(one) > 1 and len(other) > 1 and one[-1] == other[-1]:
+        one, other = one[:-1], other[:-1]
+    return ", ".join(one), ", ".join(other)
 
 
 def _listed(items: Iterable[Any], lenient: bool = False) -> str:

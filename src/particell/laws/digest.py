@@ -25,6 +25,8 @@ from particell.errors import InputError
 
 #: Characters of a digest.
 LENGTH = 16
+#: Longest text of values that are shown as they are.
+LONGEST = 80
 _PLAIN = (bool, int, float, complex, str, bytes, type(None), type(Ellipsis))
 _PACKAGE = Path(__file__).resolve().parent.parent
 _INSTALLED = (_PACKAGE, *(Path(sysconfig.get_paths()[k]) for k in ("stdlib", "purelib")))
@@ -66,7 +68,7 @@ def described(law: Any, lenient: bool = False) -> str:
     kind = type(law)
     parts = []
     for name, value in sorted(vars(law).items()):
-        if isinstance(value, _PLAIN):
+        if isinstance(value, _PLAIN) or _short(value):
             parts.append(f"{name}={value!r}")
         else:
             shown = f"{type(value).__name__} {digest(value, f'{name} of {kind.__name__}', lenient)}"
@@ -80,6 +82,12 @@ def described(law: Any, lenient: bool = False) -> str:
     if methods:
         parts.append(f"code {_Digest(kind.__name__, lenient).of(sorted(methods.items()), True)}")
     return f"{kind.__qualname__}({', '.join(parts)})"
+
+
+def _short(value: Any) -> bool:
+    """Whether a value says by itself, in a few words, what it is."""
+    whole = isinstance(value, tuple) and all(isinstance(item, _PLAIN) for item in value)
+    return whole and len(repr(value)) <= LONGEST
 
 
 def scheme_text(scheme: Any) -> str:

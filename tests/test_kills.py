@@ -106,7 +106,7 @@ class Killer:
 def flatten(value: object, path: str, found: dict[str, bytes]) -> None:
     if isinstance(value, dict):
         for key, item in value.items():
-            if key not in CLOCKS:
+            if key not in CLOCKS and f"{path}/{key}" != "/run/id":
                 flatten(item, f"{path}/{key}", found)
     elif isinstance(value, list | tuple):
         for k, item in enumerate(value):

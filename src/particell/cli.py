@@ -10,9 +10,7 @@ import contextlib
 import os
 import signal
 import sys
-import tempfile
 import tomllib
-import traceback
 import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -20,19 +18,20 @@ from typing import TYPE_CHECKING, Any, NoReturn, TextIO
 
 import click
 
-from particell.errors import (
-    CacheWarning,
-    InputError,
-    Interrupted,
-    LawWarning,
-    ParticellError,
-    RunError,
+from particell.errors import CacheWarning, InputError, LawWarning, ParticellError
+from particell.exits import (
+    BROKEN,
+    FAILED,
+    INTERRUPTED,
+    complain,
+    guarded,
+    one_line,
+    unforeseen,
 )
+from particell.streams import Heedless, mend_streams
 
 if TYPE_CHECKING:
     from particell.cases.base import Case
-
-FAILED, WRONG_INPUT, BROKEN, UNFORESEEN, INTERRUPTED = 1, 2, 3, 70, 130
 
 _run_options = [
     click.option("--seed", type=int, default=1, show_default=True, help="Of the random numbers."),
@@ -349,58 +348,6 @@ def parse_settings(settings: Sequence[str]) -> dict[str, Any]:
     return found
 
 
-def guarded(directory: Path, action: Callable[[], int]) -> int:
-    """Run something in a directory; where it breaks, say how to go on. Gives the exit status."""
-    from particell.output.files import OutputError
-    from particell.output.run import CASE, CHECKPOINT
-
-    try:
-        return action()
-    except Interrupted as error:
-        click.echo(_one_line(error), err=True)  # says how to go on
-        return INTERRUPTED
-    except KeyboardInterrupt:
-        if not (directory / CASE).exists():
-            raise  # nothing has begun
-        click.echo(f"interrupted; go on with: particell resume {directory}", err=True)
-        return INTERRUPTED
-    except (RunError, OutputError, MemoryError) as error:
-        click.echo(f"the run broke: {_one_line(error)}", err=True)
-        checkpoint = directory / CHECKPOINT
-        if checkpoint.exists():
-            click.echo(f"last good checkpoint: {checkpoint}", err=True)
-            click.echo(f"go on from it with: particell resume {directory}", err=True)
-        else:
-            click.echo("no checkpoint had been written yet", err=True)
-        return BROKEN
-
-
-def complain(error: Exception) -> int:
-    """Say in one line what is wrong with the input."""
-    click.echo(f"error: {_one_line(error)}", err=True)
-    return WRONG_INPUT
-
-
-def _one_line(error: BaseException) -> str:
-    words = " ".join(str(error).split())
-    if isinstance(error, MemoryError):
-        return f"out of memory ({words})" if words else "out of memory"
-    return words
-
-
-def unforeseen(error: BaseException) -> int:
-    """Say in one line what nobody foresaw, and where the traceback is; gives the exit status."""
-    where = ""
-    with contextlib.suppress(OSError):
-        name = tempfile.NamedTemporaryFile  # keeps the file
-        with name("w", prefix="particell-", suffix=".txt", delete=False, encoding="utf-8") as file:
-            file.write("".join(traceback.format_exception(error)))
-            where = f"; the traceback, for a report of it: {file.name}"
-    words = f"{type(error).__name__}: {_one_line(error)}"[:300]
-    click.echo(f"an error that nobody foresaw: {words}{where}", err=True)
-    return UNFORESEEN
-
-
 def call(arguments: Sequence[str] | None = None) -> int:
     """Run a command line; gives the exit status.
 
@@ -426,7 +373,7 @@ def call(arguments: Sequence[str] | None = None) -> int:
         click.echo("interrupted", err=True)
         return INTERRUPTED
     except (OutputError, MemoryError) as error:
-        click.echo(f"error: {_one_line(error)}", err=True)
+        click.echo(f"error: {one_line(error)}", err=True)
         return BROKEN
     except ParticellError as error:
         return complain(error)
@@ -450,48 +397,6 @@ def _say(
         else:
             text = warnings.formatwarning(message, category, filename, lineno, line)
             click.echo(text, err=True, nl=False)
-
-
-def mend_streams() -> None:
-    """Give a process whose stdin, stdout or stderr was closed the system's empty device there.
-
-    Else the next file that is opened has their number, and what is said is written into it.
-    """
-    for number, name in enumerate(("stdin", "stdout", "stderr")):
-        try:
-            os.fstat(number)
-        except OSError:
-            os.open(os.devnull, os.O_RDWR)  # takes the lowest number that is free
-        if getattr(sys, name) is None:
-            mode = "r" if number == 0 else "w"
-            setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: SIM115
-
-
-class Heedless:
-    """A stream for which it does not matter that nobody listens any more, or that a disk is full.
-
-    Parameters
-    ----------
-    stream
-        What is written to.
-    """
-
-    def __init__(self, stream: TextIO):
-        self._stream = stream
-
-    def write(self, text: str) -> int:
-        """Write, where that is possible."""
-        with contextlib.suppress(OSError, ValueError):
-            self._stream.write(text)
-        return len(text)
-
-    def flush(self) -> None:
-        """Flush, where that is possible."""
-        with contextlib.suppress(OSError, ValueError):
-            self._stream.flush()
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._stream, name)
 
 
 def _interrupt(number: int, frame: object) -> None:

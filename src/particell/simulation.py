@@ -287,10 +287,12 @@ class Simulation:
         until
             Time in s to advance to.
         every
-            Interval in s of frames, a whole part of the time to run; by default a tenth of
-            that.
+            Interval in s of frames, a whole part of the time to run; by default that of the run
+            that goes on, or a tenth of the time.
         out
-            Directory for ``run.h5`` and ``checkpoint.h5``, or None to keep frames in memory.
+            Directory for ``run.h5``, checkpoints and ``status.json``, or None to keep frames in
+            memory. The run in it goes on where this simulation has come from it: by
+            :meth:`restore`, or by an earlier call.
         progress
             Whether to show a progress bar.
         checkpoint_every

@@ -32,17 +32,29 @@ class InputError(ParticellError, ValueError):
 
 
 def shown(value: object) -> str:
-    """A value as Python writes it, in one line that is not too long."""
+    """A value as Python writes it, in one line that is not too long, numbers without round-off."""
     try:
-        text = " ".join(repr(value).split())
+        text = " ".join(repr(_without_round_off(value)).split())
     except Exception:  # whatever it is, it is shown in a message about something else
         text = f"<{type(value).__name__}>"
     return text if len(text) <= LONGEST_VALUE else f"{text[: LONGEST_VALUE - 1]}…"
 
 
+def _without_round_off(value: object) -> object:
+    """Floats, alone or in lists, as short as 12 digits allow: 2.5e-06 for 2.4999999999999998e-06.
+
+    Numbers of NumPy's are Python's.
+    """
+    if type(value) is list or type(value) is tuple:
+        return type(value)([_without_round_off(one) for one in value])
+    if type(value).__module__ == "numpy" and getattr(value, "ndim", 1) == 0:
+        value = value.item()  # type: ignore[attr-defined]
+    return float(f"{value:.12g}") if type(value) is float else value
+
+
 def unknown_name(what: str, name: str, known: Iterable[str]) -> InputError:
     """The error for a name that does not exist, with the nearest right one."""
-    names = sorted(known)
+    names = sorted(set(known))
     near = difflib.get_close_matches(name, names, n=1)
     hint = f"did you mean '{near[0]}'? " if near else ""
     return InputError(

@@ -35,7 +35,10 @@ def guarded(directory: Path, action: Callable[[], int]) -> int:
         checkpoint = directory / CHECKPOINT
         if checkpoint.exists():
             click.echo(f"last good checkpoint: {checkpoint}", err=True)
-            click.echo(f"go on from it with: particell resume {directory}", err=True)
+            if isinstance(error, RunError):  # the same again: every run has the same bits
+                click.echo("from there the same would happen: change what it names", err=True)
+            else:
+                click.echo(f"go on from it with: particell resume {directory}", err=True)
         else:
             click.echo("no checkpoint had been written yet", err=True)
         return BROKEN

@@ -20,12 +20,16 @@ from particell.errors import InputError
 from particell.geometry.domain import Domain
 from particell.kernels import LUCY, normalisation
 from particell.phases import Phase
+from particell.units import place
 
 #: Volumes in the domain may exceed it by this part and one layer of its surface: lattices that are
 #: cut at shapes, rings of whole numbers of particles.
 EXCESS = 0.05
 #: A phase is too dense where the volumes around most of its particles fill the space so often.
 OVERFULL = 1.75
+#: Two phases overlap where their volumes around particles fill the space so often, of which other
+#: phases so much, for more than this share of a phase's particles.
+CROWDED, OF_OTHERS, SHARE = 1.4, 0.4, 0.01
 #: By how much spacing and volume^(1/D), or spacing and the points' distances, may differ.
 MISFIT = 1.6
 #: What is smaller than its spacing by more is meant so: tracers without a volume to speak of.
@@ -44,8 +48,8 @@ def check_filling(domain: Domain, phases: Sequence[Phase], static: bool) -> None
     Raises
     ------
     InputError
-        Where volumes add up to more than the domain holds, or overlap, and where a phase's spacing
-        fits neither its volumes nor its points.
+        Where volumes add up to more than the domain holds, phases overlap, if by a part only, and
+        where a phase's spacing fits neither its volumes nor its points.
     """
     points, volume, cell = (
         np.concatenate([part(p) for p in phases])
@@ -57,16 +61,34 @@ def check_filling(domain: Domain, phases: Sequence[Phase], static: bool) -> None
     of_phase = np.repeat(np.arange(len(phases)), [len(p.points) for p in phases])
     tree = cKDTree(places - least, boxsize=np.where(domain.periodic, domain.lengths, 0.0))
     for k, p in enumerate(phases):
-        if p.kind == "fluid" and len(p.points):
+        if len(p.points):
             at = domain.wrapped(_some(p.points))[0] - least
             h = SUPPORT * p.particle_spacing
             r, j = tree.query(at, min(NEAREST, len(points)), distance_upper_bound=h)
             w = _weights(r.reshape(len(at), -1), h, domain.dim)
             j = np.minimum(j.reshape(len(at), -1), len(points) - 1)  # weight 0 where none is left
-            fill = float(np.median((w * volume[j]).sum(axis=1)))
+            filled = (w * volume[j]).sum(axis=1)
+            foreign = np.where(of_phase[j] == k, 0.0, w * volume[j])
+            crowded = (filled > CROWDED) & (foreign.sum(axis=1) > OF_OTHERS)
+            if np.mean(crowded) > SHARE:
+                row = int(np.argmax(np.where(crowded, filled, 0.0)))
+                other = int(of_phase[j[row, np.argmax(foreign[row])]])
+                raise _overlap(p, phases[other], filled[row], at[row] + least)
+            if p.kind == "wall":
+                continue
+            fill = float(np.median(filled))
             declared = float(np.median((w * cell[j]).sum(axis=1)))
             own = float(np.median((w * cell[j] * (of_phase[j] == k)).sum(axis=1)))
             _check_phase(p, fill, declared, own, static)
+
+
+def _overlap(one: Phase, other: Phase, filled: float, where: np.ndarray) -> InputError:
+    names = " and ".join(sorted((one.name, other.name)))
+    allowed = (
+        f"beside each other: at {place(where)} their volumes fill {filled:.2g} times the space "
+        "(leave out of a fluid what walls, bodies and other fluids fill: shape)"
+    )
+    return InputError("phases", names, allowed)
 
 
 def _check_total(

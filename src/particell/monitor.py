@@ -6,9 +6,11 @@ import numpy as np
 
 from particell.errors import RunError
 from particell.fields import GIVEN, LOCAL, STATE, Field
+from particell.geometry.domain import AXES
 from particell.schemes.flow import Flow
 from particell.state import State
 from particell.suspects import suspects
+from particell.units import place
 
 
 class Monitor:
@@ -62,12 +64,15 @@ class Monitor:
         bounded = ~domain.periodic
         if not bounded.any() or self._flow is None:
             return
-        x = particles.view("x")[:, bounded]
+        x = particles.view("x")
         h = particles.view("support")[:, None]
-        lost = (x < domain.lower[bounded] - h) | (x > domain.upper[bounded] + h)
-        lost = lost.any(axis=1) & (particles.view("is_wall") == 0)
+        beyond = np.stack([x < domain.lower - h, x > domain.upper + h]) & bounded
+        lost = beyond.any(axis=(0, 2)) & (particles.view("is_wall") == 0)
         if lost.any():
-            self.fail("a particle has left the domain", "position", int(np.flatnonzero(lost)[0]))
+            row = int(np.flatnonzero(lost)[0])
+            side, axis = (int(k) for k in np.argwhere(beyond[:, row])[0])
+            where = f"through its {('lower', 'upper')[side]} {AXES[axis]} side, to {place(x[row])}"
+            self.fail(f"a particle has left the domain {where}", "position", row)
 
     def fail(self, message: str, field: str, row: int) -> None:
         """Raise an error that names a row's particle."""

@@ -19,6 +19,7 @@ from particell.particles import Group, Particles
 from particell.phases import Phase
 from particell.sources.images import Plane
 from particell.state import State
+from particell.units import place
 
 #: Particles of two phases that are nearer than this part of their size overlap: a filling made
 #: twice, or walls put into the fluid.
@@ -132,7 +133,8 @@ def check_phases(domain: Domain, phases: list[Phase]) -> None:
             outside = np.any((p.points < domain.lower) | (p.points > domain.upper), axis=1)
             if outside.any():
                 point = p.points[np.flatnonzero(outside)[0]]
-                raise InputError(f"points of '{p.name}'", point.tolist(), f"inside {domain}")
+                allowed = f"in the domain, from {place(domain.lower)} to {place(domain.upper)}"
+                raise InputError(f"points of '{p.name}'", place(point), allowed)
 
 
 def check_overlap(
@@ -172,7 +174,7 @@ def check_overlap(
         raise InputError(
             "phases",
             " and ".join(names),
-            f"without particles on top of each other: there are two at {points[first].tolist()} m",
+            f"without particles on top of each other: there are two at {place(points[first])}",
         )
 
 

@@ -12,10 +12,11 @@ substance become numbers of molecules where the unit calls for it: ``"10 nM"`` i
 
 from __future__ import annotations
 
+import difflib
 import functools
 import math
 import re
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -38,6 +39,13 @@ _LARGE_POWER = re.compile(r"(?:\*\*|\^)[\s(+-]*(?:\d{2}|[^\d\s(+-])")
 #: the 1 of a unit such as 1/s).
 _BROKEN_NUMBER = re.compile(
     r",|\d\s*['’·⋅]\s*\d|[^\s*/^(+-]\s+(?!1\s*/\s*(?:\(|[^\W\d]))[+-]?[\d.]"
+)
+
+#: Units by which a misspelt one is guessed.
+USUAL = (
+    *("m", "mm", "um", "nm", "cm", "s", "ms", "us", "ns", "min", "hour", "kg", "g", "mg", "ug"),
+    *("Pa", "kPa", "MPa", "bar", "N", "J", "W", "K", "degC", "Hz", "kDa", "Da", "molecules"),
+    *("mol", "mmol", "umol", "nmol", "M", "mM", "uM", "nM", "pM", "L", "mL", "uL"),
 )
 
 
@@ -112,6 +120,8 @@ class Quantity:
             if moles and "[substance]" not in target.dimensionality:
                 quantity = quantity * units.Quantity("avogadro_constant") ** moles
             return float(quantity.to(target).magnitude)
+        except pint.UndefinedUnitError as error:
+            raise ValueError(f"{self.allowed} ({unknown_units(error)})") from None
         except pint.DimensionalityError as error:
             found = str(error.units1)
             raise ValueError(f"{self.allowed} ('{found}' is of another)") from None
@@ -150,6 +160,18 @@ def _refuse_broken_number(text: str) -> None:
         raise ValueError("one number, with a decimal point and nothing between its digits")
 
 
+def unknown_units(error: Any) -> str:
+    """The words of a text that are no units, with the nearest that are."""
+    names = error.unit_names
+    words = [names] if isinstance(names, str) else list(names)
+    near = [difflib.get_close_matches(word, USUAL, n=1, cutoff=0.5) for word in words]
+    said = [
+        f"'{w}' is no unit" + (f"; did you mean '{n[0]}'?" if n else "")
+        for w, n in zip(words, near, strict=True)
+    ]
+    return ", ".join(said)
+
+
 def quantity(text: str) -> Any:
     """Text with a unit as one of pint's quantities, in base units.
 
@@ -167,6 +189,8 @@ def quantity(text: str) -> Any:
     try:
         found: Any = registry().Quantity(text).to_base_units()
         good = math.isfinite(found.magnitude)
+    except pint.UndefinedUnitError as error:
+        raise ValueError(f"{words} ({unknown_units(error)})") from None
     except (pint.PintError, ArithmeticError, AttributeError, ValueError, TypeError):
         raise ValueError(words) from None
     except Exception as error:  # pint lets errors of Python's tokenizer through
@@ -255,6 +279,13 @@ _TIMES = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"), (1e-9, "ns"), (1e-12, "ps"))
 def length_scale(extent: float) -> tuple[float, str]:
     """Factor and name of the unit in which a length in m reads well: (1e-6, "µm")."""
     return _readable(extent, _LENGTHS)
+
+
+def place(point: Iterable[float]) -> str:
+    """``"(2.5, 52.5) µm"``: a point in m, in a unit that suits it."""
+    numbers = [float(x) for x in point]
+    factor, unit = length_scale(max(map(abs, numbers), default=0.0))
+    return f"({', '.join(f'{x / factor:.6g}' for x in numbers)}) {unit}"
 
 
 def time_scale(extent: float) -> tuple[float, str]:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, ValidationError, model_validator
 
 from particell.averages import TimeAverage, check_averages
 from particell.casefile import results
@@ -26,6 +26,7 @@ from particell.casefile.schemes import SchemeTable
 from particell.casefile.scope import Scope, known
 from particell.casefile.shapes import ShapeTable
 from particell.casefile.table import Name, place_of, within
+from particell.casefile.typed import as_typed
 from particell.cases.base import Case, Context, Metric
 from particell.errors import InputError, unknown_name
 from particell.geometry.domain import Domain
@@ -99,14 +100,16 @@ class FileCase(Case):
     """Fields averaged in time."""
 
     reference: ClassVar[str] = ""
+    _typed: dict[str, Any] = PrivateAttr(default_factory=dict)
 
     def __init__(self, **parameters: Any):
         try:
             BaseModel.__init__(self, **parameters)
         except ValidationError as error:
-            raise input_error(error, parameters, UNIONS) from None
+            raise as_typed(input_error(error, parameters, UNIONS), parameters) from None
         except RecursionError:
             raise InputError("case file", "this one", "nested less deeply") from None
+        self._typed = parameters
 
     @model_validator(mode="before")
     @classmethod
@@ -190,6 +193,8 @@ class FileCase(Case):
         try:
             with np.errstate(all="ignore"):
                 return self._build(context)
+        except InputError as error:
+            raise as_typed(error, self._typed) from None
         except ArithmeticError as error:
             allowed = f"one of numbers that can be computed with ({error})"
             raise InputError("case file", self.name, allowed) from None
@@ -208,6 +213,9 @@ class FileCase(Case):
         for s in self.species:
             with within(place_of("species", 0, s.name)):
                 species.append(s.build(scope))
+        for name in scope.species:
+            if scope.species.count(name) > 1:
+                raise InputError("species", name, "a name used once")
         by_name = {s.name: s for s in species}
         for r in self.reactions:
             with within(place_of("reactions", 0, r.equation)):

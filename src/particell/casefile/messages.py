@@ -8,6 +8,7 @@ from typing import Any, get_args
 
 from pydantic import ValidationError
 
+from particell.casefile.typed import typed_at
 from particell.errors import InputError, unknown_name
 
 _PYDANTIC = re.compile(r"^(?:\w+ should (?:be |have )?)")
@@ -23,6 +24,7 @@ def input_error(
     kind, context = first["type"], first.get("ctx", {})
     if kind in ("union_tag_not_found", "union_tag_invalid"):
         location.append("type")
+    typed = typed_at(location, data, first["input"])
     place = _place(location, data, kind == "missing" or location[-1:] == ["type"])
     cause = context.get("error")
     if isinstance(cause, InputError):
@@ -35,11 +37,11 @@ def input_error(
     if kind == "missing":
         return InputError(place, None, "given")
     if kind in _TABLES:
-        return InputError(place, shown(first["input"]), "a table")
+        return InputError(place, shown(typed), "a table")
     if kind in ("list_type", "tuple_type"):
-        return InputError(place, shown(first["input"]), "a list")
+        return InputError(place, shown(typed), "a list")
     allowed = str(cause) if cause else _PYDANTIC.sub("", first["msg"])
-    return InputError(place, shown(first["input"]), allowed)
+    return InputError(place, shown(typed), allowed)
 
 
 def located(error: InputError, place: str) -> InputError:

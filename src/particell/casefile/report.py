@@ -14,7 +14,9 @@ from particell.casefile.case import FileCase
 from particell.casefile.scope import BYTES_A_PARTICLE
 from particell.cases.base import Case, Context
 from particell.cases.execution import set_threads
+from particell.enclosure import open_sides
 from particell.health import beyond, foresee
+from particell.operations.reflection import Reflect
 from particell.simulation import Simulation
 
 #: How lines begin that say what makes a run end with status 1.
@@ -72,9 +74,36 @@ def report(case: Case, timing: bool = True, threads: int | None = None) -> Itera
     yield f"memory:    about {_bytes(len(groups) * bytes_a_particle(simulation))}"
     for finding in beyond(foresee(simulation)):
         yield f"{UNHEALTHY} {finding.line}"
+    for warning in warnings_of(case, simulation):
+        yield f"warning:   {warning}"
     if timing:
         tqdm.write("timing a few steps (new loops are compiled first: up to a minute)", sys.stderr)
         yield f"time:      about {_duration(steps * seconds_a_step(simulation, steps))}"
+
+
+def warnings_of(case: Case, simulation: Simulation) -> Iterator[str]:
+    """What is allowed and is hardly meant."""
+    reflections = [
+        surface
+        for operation in simulation.operations.by_name.values()
+        if isinstance(operation, Reflect)
+        for surface in operation.surfaces
+    ]
+    if not simulation.static:
+        sides = open_sides(simulation.domain, simulation.phases, reflections)
+        if sides:
+            yield (
+                f"fluid can leave through the {' and the '.join(sides)} side: that axis is neither "
+                "periodic nor has walls there (channel_walls, box_walls)"
+            )
+    if not simulation.timing.automatic:
+        largest, name = simulation.largest_step(), simulation.timing.limited_by
+        if simulation.dt > largest * (1 + 1e-9):
+            yield f"dt = {simulation.dt:.3g} s is above the rule's {largest:.3g} s ({name})"
+    if isinstance(case, FileCase):
+        equations = [" ".join(str(r.equation).split()) for r in case.reactions]
+        for equation in dict.fromkeys(e for e in equations if equations.count(e) > 1):
+            yield f"reaction '{equation}' stands {equations.count(equation)} times: all act"
 
 
 def bytes_a_particle(simulation: Simulation) -> float:

@@ -190,6 +190,12 @@ class Scope:
     def known_group(self, key: str, names: str | Collection[str] | None) -> None:
         """Refuse groups of particles that are not described."""
         for name in (names,) if isinstance(names, str) else names or ():
+            if name not in self.phases and not any(p.kind == "wall" for p in self.phases.values()):
+                allowed = (
+                    f"a group that a phase makes, which are {', '.join(self.phases)}: "
+                    "no phase is a wall (channel_walls makes two, box_walls those of a closed box)"
+                )
+                raise InputError(f"group in {key}", name, allowed)
             known(f"group in {key}", name, self.phases)
 
     def admit(self, particles: float) -> None:

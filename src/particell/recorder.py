@@ -17,7 +17,7 @@ from particell.output.checkpoint import write_checkpoint
 from particell.output.files import plain
 from particell.output.h5md import AVERAGES
 from particell.output.run import CHECKPOINT, TRAJECTORY, Run
-from particell.output.sources import ROLES
+from particell.output.sources import GROUPS
 from particell.output.trajectory import TrajectoryWriter
 from particell.plans import Plan, check_plan
 from particell.restored import StateError, whole
@@ -64,14 +64,14 @@ def _check_identity(found: Any) -> None:
 
 
 def groups_of(simulation: Runnable) -> list[dict[str, Any]]:
-    """The groups: name, kind, material, the body or wall that they fill, and how that moves."""
+    """The groups: their role, material, the body or wall that they fill, and how that moves."""
     found = []
-    for phase, group in zip(simulation.phases, simulation.particles.groups, strict=True):
-        motion = simulation.walls.motions.get(group.name)
+    for phase, role in zip(simulation.phases, snapshot.roles_of(simulation), strict=True):
+        group = next(g for g in simulation.particles.groups if g.name == role.name)
+        motion = simulation.walls.motions.get(role.name)
         found.append(
             {
-                "name": group.name,
-                "kind": group.kind,
+                **role.as_dict(),
                 "material": repr(simulation.materials[group.material]),
                 "surface": None if phase.surface is None else repr(phase.surface),
                 "motion": None if motion is None else repr(motion),
@@ -82,9 +82,7 @@ def groups_of(simulation: Runnable) -> list[dict[str, Any]]:
 
 def _text_of(simulation: Runnable) -> str:
     """What a trajectory says of the run."""
-    roles = [role.as_dict() for role in snapshot.roles_of(simulation)]
-    more = {"groups": groups_of(simulation), ROLES: roles}
-    return json.dumps(plain({**simulation.settings, **more}))
+    return json.dumps(plain({**simulation.settings, GROUPS: groups_of(simulation)}))
 
 
 class Recorder:

@@ -27,7 +27,7 @@ from particell.units import field_unit
 # What indexes the frames of a series: as NumPy does.
 Index = Any
 #: Where a run's parameters say what its groups are to fields.
-ROLES = "groups"
+GROUPS = "groups"
 
 
 class Source(Protocol):
@@ -225,7 +225,7 @@ class FileSource:
 def _roles_in(file: h5py.File, groups: Sequence[str]) -> list[Role]:
     """What the run's parameters say of the groups; fluids of everything where they say nothing."""
     try:
-        listed = json.loads(text(file["parameters/run"][()])).get(ROLES, [])
+        listed = json.loads(text(file["parameters/run"][()])).get(GROUPS, [])
         found = {role.name: role for role in map(Role.of, listed)}
     except (KeyError, TypeError, ValueError, AttributeError):
         found = {}

@@ -8,15 +8,19 @@ from __future__ import annotations
 
 import inspect
 import math
+from decimal import Decimal
+from fractions import Fraction
 
 import numpy as np
 import pytest
 
 import particell as pc
+from particell.cases import load as case_class
 from particell.checks import checked
 from particell.errors import LONGEST_VALUE, InputError, shown
 from particell.geometry.fill import around, arranged
 from particell.laws.shifting import Crowding
+from particell.units import parse
 from systems import unit_fluid
 
 BOX = pc.Domain((0, 0), (8, 8), periodic="x", depth=1.0)
@@ -343,11 +347,69 @@ def test_misspelt_public_names():
         pc.Simulaton  # noqa: B018
 
 
-def test_numpys_numbers_are_numbers():
-    water = pc.Fluid(np.float32(1.0), np.array(2.0), sound_speed=np.int64(3))
-    assert (water.density, water.viscosity) == (1.0, 2.0)
-    assert pc.MeanVelocity(np.float64(1), axis=np.int32(1)).axis == 1
-    assert pc.SDPD(gravity=np.array([0.0, 1.0]), impenetrable=np.bool_(True)).impenetrable
+#: Kinds that numbers come in out of arrays, tables and exact arithmetic, by Python's own kind.
+OTHER_KINDS = {
+    bool: (np.bool_, np.array),
+    int: (np.int64, np.int32, np.uint8, np.array),
+    float: (np.float64, np.float32, np.float16, np.longdouble, np.array, Fraction, Decimal),
+}
+
+
+def of_kind(value, which: int):
+    """An example with its numbers of another kind; those in lists and tables too."""
+    if isinstance(value, dict):
+        return {key: of_kind(item, which) for key, item in value.items()}
+    if isinstance(value, tuple | list):
+        return type(value)(of_kind(item, which) for item in value)
+    kinds = OTHER_KINDS.get(type(value), ())
+    if not kinds or (isinstance(value, float) and float(np.float16(value)) != value):
+        return value
+    return kinds[which % len(kinds)](value)
+
+
+def kept(thing):
+    """What a thing is made of, with the kinds of its numbers."""
+    if isinstance(thing, np.ndarray):
+        return thing.dtype.str, thing.tolist()
+    if isinstance(thing, list | tuple):
+        return [kept(item) for item in thing]
+    if isinstance(thing, dict):
+        return {key: kept(item) for key, item in thing.items()}
+    if type(thing).__module__.startswith("particell") and hasattr(thing, "__dict__"):
+        return type(thing).__name__, {k: kept(v) for k, v in vars(thing).items()}
+    return type(thing).__name__, thing if isinstance(thing, int | float | str) else repr(
+        type(thing)
+    )
+
+
+@pytest.mark.parametrize(
+    ("make", "name"),
+    [(m, n) for m, n in EVERY if of_kind(EXAMPLES[m][n], 0) is not EXAMPLES[m][n]],
+    ids=identifier,
+)
+def test_numbers_of_any_kind_are_pythons(make, name):
+    """The same thing comes out, with Python's numbers in it: the same bits from there on."""
+    if make is pc.Simulation:  # one argument tells as much as another, and each takes a while
+        choices = range(3) if name in ("dt", "seed") else range(1)
+    else:
+        choices = range(len(OTHER_KINDS[float]))
+    example = EXAMPLES[make][name]
+    for which in choices:
+        other = make(**{**EXAMPLES[make], name: of_kind(example, which)})
+        if make is not pc.Simulation:
+            assert kept(other) == kept(make(**EXAMPLES[make]))
+        else:
+            mine = make(**EXAMPLES[make])
+            assert (kept(mine.dt), kept(mine.seed)) == (kept(other.dt), kept(other.seed))
+
+
+def test_numbers_of_other_kinds_that_are_none_are_refused():
+    for value in (np.array([1.0]), np.complex128(1.0), Decimal("nan"), Decimal("1e999"), 1j):
+        refused(pc.Ball, "radius", value)
+    for value in (1.0, np.float64(2.0), Fraction(1, 2), np.bool_(True)):
+        refused(pc.MeanVelocity, "axis", value)
+    assert parse("time", np.float32(2.0), "s") == 2.0
+    assert case_class("couette")(resolution=np.int64(24)).resolution == 24
 
 
 def test_values_are_shown_in_one_line():

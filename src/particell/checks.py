@@ -12,6 +12,8 @@ import inspect
 import math
 import types
 from collections.abc import Callable, Mapping, Sequence
+from decimal import Decimal
+from fractions import Fraction
 from numbers import Integral, Real
 from typing import Any, TypeVar, Union, get_args, get_origin
 
@@ -22,10 +24,14 @@ from particell.errors import InputError, unknown_name
 _T = TypeVar("_T", bound=Callable[..., Any])
 
 NUMBER = "a finite number, in SI units"
+#: Lists and tables of more are arrays, as which they are read anyway.
+SHORT = 100
 
 
 def checked(target: _T) -> _T:
     """Check the arguments of a function, or of a class's constructor, at every call.
+
+    Numbers of other kinds are made Python's before: see :func:`plain`.
 
     Raises
     ------
@@ -50,15 +56,17 @@ def _checking(function: Callable[..., Any], name: str) -> Any:
         for key in options:
             if key not in parameters:
                 raise unknown_name(f"argument of {name}", key, parameters)
-        given = signature.bind_partial(*args, **options).arguments
+        bound = signature.bind_partial(*args, **options)
+        given = bound.arguments
         for key, parameter in signature.parameters.items():
             if key in given:
+                given[key] = plain(given[key])
                 fault = _fault(_hint(function, key), given[key])
                 if fault and given[key] is not parameter.default:
                     raise InputError(key, given[key], fault)
             elif parameter.default is inspect.Parameter.empty:
                 raise InputError(key, None, f"given, to {name}")
-        return function(*args, **options)
+        return function(*bound.args, **bound.kwargs)
 
     return call
 
@@ -138,10 +146,34 @@ def takes(key: str, function: Any, given: str) -> None:
         raise InputError(key, f"{function!r}: {error}", allowed) from None
 
 
+def plain(value: Any) -> Any:
+    """Numbers of other kinds as Python's, alone or in short lists and tables.
+
+    Those are NumPy's scalars of any size and arrays without axes, fractions and decimals: what
+    comes out of arrays, tables and exact arithmetic then gives the same bits. Everything else is
+    returned as it is.
+    """
+    if isinstance(value, np.generic) or (isinstance(value, np.ndarray) and value.ndim == 0):
+        number = {"f": float, "i": int, "u": int, "b": bool, "U": str}.get(value.dtype.kind)
+        return number(value[()]) if number else value  # type: ignore[index]
+    if isinstance(value, Fraction | Decimal):
+        try:
+            return float(value)
+        except (OverflowError, ValueError):  # beyond all floats, or a signalling NaN
+            return value
+    if type(value) in (list, tuple) and len(value) <= SHORT:
+        items = [plain(item) for item in value]
+        changed = any(a is not b for a, b in zip(items, value, strict=True))
+        return type(value)(items) if changed else value
+    if type(value) is dict and len(value) <= SHORT:
+        table = {key: plain(item) for key, item in value.items()}
+        return table if any(table[key] is not value[key] for key in value) else value
+    return value
+
+
 def is_number(value: Any) -> bool:
     """Whether a value is a finite real number (no text, no truth value)."""
-    if isinstance(value, np.ndarray) and value.ndim == 0:
-        value = value.item()
+    value = plain(value)
     if isinstance(value, bool | np.bool_) or not isinstance(value, Real):
         return False
     try:

@@ -20,6 +20,7 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any
 
+from particell.checks import plain
 from particell.errors import InputError
 
 if TYPE_CHECKING:
@@ -83,6 +84,7 @@ class Quantity:
         ValueError
             Says what is allowed, as a phrase.
         """
+        value = plain(value)
         if hasattr(value, "dimensionality"):
             number = self._parse(value)
         elif isinstance(value, bool) or not isinstance(value, int | float | str):

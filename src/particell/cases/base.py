@@ -30,6 +30,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, get_args
 from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic.fields import FieldInfo
 
+from particell.checks import plain
 from particell.errors import InputError, unknown_name
 from particell.recipe import Context, Metric, Recipe
 from particell.units import (
@@ -114,7 +115,7 @@ class Case(BaseModel, Recipe):
 
     def __init__(self, **parameters: Any):
         try:
-            super().__init__(**parameters)
+            super().__init__(**{name: plain(value) for name, value in parameters.items()})
         except ValidationError as error:
             raise input_error(error, type(self)) from None
 

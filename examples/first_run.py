@@ -26,7 +26,7 @@ simulation = pc.Simulation(
 run = simulation.run(until=0.01, every=0.001, out="out/first_run", overwrite=True)
 
 y = np.linspace(0, height, 11)
-velocity = run.on_line("velocity", (0, 0), (0, height), points=11, groups=["fluid"])[:, 0]
+velocity = run.on_line("velocity", (0, 0), (0, height), points=11)[:, 0]
 error = np.abs(velocity - 4 * speed * y * (height - y) / height**2).max() / speed
 print(f"largest error: {100 * error:.2f} % of the velocity midway")
 run.plot("velocity", path="out/first_run/velocity.png")

@@ -31,6 +31,26 @@ class InputError(ParticellError, ValueError):
         super().__init__(f"{key} = {shown(value)} is not allowed: it must be {allowed}")
 
 
+class MissingExtra(InputError):  # noqa: N818 - an installation, not an error
+    """Something was asked for that needs a part which was not installed.
+
+    Parameters
+    ----------
+    what
+        What was asked for.
+    package
+        What it needs.
+    extra
+        The extra of this package that brings it.
+    """
+
+    def __init__(self, what: str, package: str, extra: str):
+        super().__init__(what, package, f"installed: extra '{extra}'")
+        self.args = (
+            f"{what} needs {package}, which is not installed: pip install 'particell[{extra}]'",
+        )
+
+
 def shown(value: object) -> str:
     """A value as Python writes it, in one line that is not too long, numbers without round-off."""
     try:

@@ -11,7 +11,7 @@ from particell.errors import InputError
 
 def test_without_xarray(monkeypatch):
     monkeypatch.setitem(sys.modules, "xarray", None)
-    with pytest.raises(InputError, match=r"xarray is missing .*particell\[xarray\]"):
+    with pytest.raises(InputError, match=r"xarray, which is not installed.*particell\[xarray\]"):
         a_run().to_xarray()
 
 

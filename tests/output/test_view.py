@@ -14,7 +14,7 @@ from particell.errors import InputError
 
 def test_without_pyvista(monkeypatch):
     monkeypatch.setitem(sys.modules, "pyvista", None)
-    with pytest.raises(InputError, match=r"pyvista is missing .*particell\[viz\]"):
+    with pytest.raises(InputError, match=r"pyvista, which is not installed.*particell\[viz\]"):
         a_run().view()
 
 

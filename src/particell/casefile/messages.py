@@ -9,7 +9,7 @@ from typing import Any, get_args
 from pydantic import ValidationError
 
 from particell.casefile.typed import typed_at
-from particell.errors import InputError, unknown_name
+from particell.errors import InputError, MissingExtra, unknown_name
 
 _PYDANTIC = re.compile(r"^(?:\w+ should (?:be |have )?)")
 _TABLES = ("dict_type", "model_type", "model_attributes_type", "mapping_type")
@@ -49,7 +49,7 @@ def located(error: InputError, place: str) -> InputError:
 
     What the classes say of themselves, for scripts, is said by the place already: it is left out.
     """
-    if not place:
+    if not place or isinstance(error, MissingExtra):
         return error
     key, item = error.key, re.search(r"^(\w+) '(.*)'$", place)
     if item and error.value == item[2] and item[1].startswith(key):

@@ -29,7 +29,7 @@ from particell.chemistry.sbml_math import refuse_growth
 from particell.chemistry.sbml_symbols import Symbols, items
 from particell.chemistry.sbml_units import Units
 from particell.chemistry.species import Species
-from particell.errors import InputError, unknown_name
+from particell.errors import InputError, MissingExtra, unknown_name
 from particell.representation import block, table
 from particell.units import parse
 
@@ -230,8 +230,7 @@ def _document(text: str, path: Path) -> tuple[Any, list[str]]:
     try:
         import libsbml
     except ImportError:
-        allowed = "read where libSBML is installed (pip install 'particell[sbml]')"
-        raise InputError("SBML file", str(path), allowed) from None
+        raise MissingExtra(f"reading the SBML file {path}", "libSBML", "sbml") from None
     document = libsbml.readSBMLFromString(text)
     _raise_errors(path, document)
     if document.getLevel() not in (2, 3):

@@ -14,7 +14,7 @@ import numpy as np
 
 from particell.checks import checked
 from particell.compute.loop import Loop, particle_loop
-from particell.errors import InputError
+from particell.errors import InputError, MissingExtra
 
 #: Bytes that a processor reads at once.
 CACHE_LINE = 64
@@ -162,7 +162,7 @@ def _require_cuda() -> None:
     try:
         from numba import cuda
     except ImportError:
-        raise InputError("backend", "cuda", "'cpu' (numba-cuda is missing: extra 'cuda')") from None
+        raise MissingExtra("the backend 'cuda'", "numba-cuda", "cuda") from None
     if not cuda.is_available():
         raise InputError("backend", "cuda", "'cpu' (no CUDA GPU was found on this machine)")
     # of every launch of a loop over few particles

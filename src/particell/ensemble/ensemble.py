@@ -27,7 +27,7 @@ from particell.ensemble.jobs import (
 )
 from particell.ensemble.realisations import ENSEMBLE, FAILURE, member
 from particell.ensemble.results import EnsembleRun
-from particell.errors import InputError, ParticellError
+from particell.errors import InputError, MissingExtra, ParticellError
 from particell.observers import stop_requests
 from particell.output.files import plain, prepare_directory, read_json, write_json
 from particell.output.ownership import LOCK, owned
@@ -306,8 +306,7 @@ def _client(client: Any) -> tuple[Any, Any]:
     try:
         from dask.distributed import Client
     except ImportError:
-        allowed = "left out where dask is missing (pip install 'particell[cluster]')"
-        raise InputError("client", client, allowed) from None
+        raise MissingExtra("a client of a cluster", "dask", "cluster") from None
     try:
         connected = Client(client, timeout=10)
     except (OSError, ValueError) as error:

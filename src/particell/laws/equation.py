@@ -7,7 +7,7 @@ from fractions import Fraction
 from typing import Any
 
 from particell.compute.expressions import Symmetric, Vector
-from particell.errors import InputError
+from particell.errors import InputError, MissingExtra
 from particell.laws.dimensions import VECTORS
 from particell.laws.law import Law, Values
 
@@ -94,7 +94,7 @@ def equations(law: Law, dim: int = 1) -> dict[str, Any]:
     try:
         import sympy
     except ImportError:
-        raise InputError("equations", "asked for", "left out: SymPy is missing (sympy)") from None
+        raise MissingExtra("printing equations", "SymPy", "equations") from None
     i, j = _Symbols("i"), _Symbols("j")
     e = sympy.Symbol("e_ij", real=True)
     r = sympy.Symbol("r_ij", positive=True)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from particell.analysis.fields import grid as grid_points
-from particell.errors import InputError
+from particell.errors import InputError, MissingExtra
 from particell.geometry.domain import AXES
 from particell.output.export import vtk_name
 from particell.output.pictures import line_points
@@ -38,8 +38,7 @@ def dataset(
     try:
         import xarray as xr
     except ImportError:
-        allowed = "left alone where xarray is missing (pip install 'particell[xarray]')"
-        raise InputError("to_xarray", "called", allowed) from None
+        raise MissingExtra("to_xarray", "xarray", "xarray") from None
     if grid is not None and line is not None:
         raise InputError("line", line, "left out where 'grid' is given")
     if grid is None and line is None and options:

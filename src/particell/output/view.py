@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from particell.errors import InputError
+from particell.errors import InputError, MissingExtra
 from particell.output.files import replacing
 from particell.output.quantities import Quantity, Shown
 from particell.output.recorded import Recorded
@@ -39,8 +39,7 @@ def view(
     try:
         import pyvista
     except ImportError:
-        allowed = "left alone where pyvista is missing (pip install 'particell[viz]')"
-        raise InputError("view", "called", allowed) from None
+        raise MissingExtra("view", "pyvista", "viz") from None
     k, chosen = run.checked(frame), run.chosen(groups)
     if not chosen.any():
         raise InputError("groups", groups, "some that have particles")

@@ -7,7 +7,7 @@ from fractions import Fraction
 from typing import Any
 
 from particell.compute.expressions import Symmetric, Vector
-from particell.errors import InputError, MissingExtra
+from particell.errors import MissingExtra
 from particell.laws.dimensions import VECTORS
 from particell.laws.law import Law, Values
 

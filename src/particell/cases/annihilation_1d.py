@@ -310,7 +310,10 @@ class Annihilation1D(Case):
         found = self.steady_errors(values, mean)
         table = self.table()
         for t in TIMES:
-            now, _ = self.profiles(run, run.at(t * self.unit))
+            frame = run.at(t * self.unit)
+            if not math.isclose(run.times[frame], t * self.unit):
+                continue  # an odd end: no frame is at this time
+            now, _ = self.profiles(run, frame)
             found[f"l2_t{t:g}"] = Metric(relative_l2(now, self.expected(table, t)), limit=1e-2)
         fourier = self.end
         exact = slab(self.x, fourier) - slab(1 - self.x, fourier)

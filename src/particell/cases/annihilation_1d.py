@@ -342,9 +342,8 @@ class Annihilation1D(Case):
         if self.end < STEADY:
             return {}
         expected = steady_profile(self.damkohler, self.x)
-        limits = PAPER.get(self.resolution, (None, None))
-        if self.realisations < REALISATIONS:
-            limits = limits[0], None
+        first, second = PAPER.get(self.resolution, (None, None))
+        limits = first, second if self.realisations >= REALISATIONS else None
         # the papers' C₀ is 1e4 molecules per volume of a particle, and k = κ = 0.1
         printed = math.isclose(self.damkohler, 1e4 * self.resolution)
         found = {}

@@ -268,7 +268,7 @@ def test_what_goes_wrong_in_an_operation_says_where():
         (lambda: flow().particles.set("v", 1j), "values of 'v'"),
         (lambda: flow().particles.set("mass", ["a"] * 64), "values of 'mass'"),
         *((lambda n=n: flow(pc.SDPD(fields=[pc.Field(n)])), "name of Field")
-          for n in ("box", "species", "dt", "speed", "time", "wall_acceleration", "dt_over_time")),
+          for n in ("box", "species", "dt", "speed", "time", "tau", "dt_over_time")),
         (lambda: Bare(), "more of Bare"),
         (lambda: Unannotated(), "more of Unannotated"),
         (lambda: flow(Stageless()), "Stageless.stages()"),

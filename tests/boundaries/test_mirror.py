@@ -239,7 +239,7 @@ def test_momentum_that_a_mirror_takes_up_is_no_drift():
 
 
 def test_averages_at_a_mirror():
-    """Fits of linear functions, there as at any end: exact for such, but for the lattice's shear."""
+    """Fits of linear functions, there as at any end: exact, but for the shear of the lattice."""
     line = lambda x: np.stack([x[:, 1] / 6, 0 * x[:, 1]], axis=1)  # noqa: E731
     simulation = couette(scheme=SCHEMES["SDPD"], velocity=line, dt=0.01)
     at = np.array([[3.0, 0.0], [3.0, 2.0], [3.0, 6.0]])

@@ -135,7 +135,7 @@ UNEVEN = {
     "sound, 3D corner": lambda: corner(jitter=0.2),
     "viscosity, 3D corner": lambda: corner(fluid=VISCOUS),
     "sound, 3D corner of mirrors": lambda: mirrored(True),
-    "viscosity, 3D corner of mirrors without slip": lambda: mirrored(False, fluid=VISCOUS),
+    "viscosity, 3D corner of mirrors without slip": lambda: mirrored(False, at=0.3, fluid=VISCOUS),
 }
 
 

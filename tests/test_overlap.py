@@ -31,7 +31,7 @@ def refused(scheme, phases, *words) -> None:
 @pytest.mark.parametrize("scheme", SCHEMES, ids=lambda s: type(s).__name__)
 def test_overlap_is_refused_by_every_scheme(scheme):
     water = pc.fluid(BOX, WATER, 1.0)
-    refused(scheme, [water, pc.fluid(BOX, WATER, 1.0, name="again")], "'again and fluid'", "0.5")
+    refused(scheme, [water, pc.fluid(BOX, WATER, 1.0, name="again")], "'again and fluid'", "500")
     shifted = phase(water.points[:5] + np.array([0.1, 0.0]), "again")
     refused(scheme, [water, shifted], "'again and fluid'")
     wall = phase([(4.5, 4.6)], "wall", kind="wall")

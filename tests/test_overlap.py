@@ -31,13 +31,13 @@ def refused(scheme, phases, *words) -> None:
 @pytest.mark.parametrize("scheme", SCHEMES, ids=lambda s: type(s).__name__)
 def test_overlap_is_refused_by_every_scheme(scheme):
     water = pc.fluid(BOX, WATER, 1.0)
-    refused(scheme, [water, pc.fluid(BOX, WATER, 1.0, name="again")], "'again and fluid'", "0.5")
+    refused(scheme, [water, pc.fluid(BOX, WATER, 1.0, name="again")], "'again and fluid'", "500")
     shifted = phase(water.points[:5] + np.array([0.1, 0.0]), "again")
     refused(scheme, [water, shifted], "'again and fluid'")
     wall = phase([(4.5, 4.6)], "wall", kind="wall")
     refused(scheme, [water, wall], "'fluid and wall'")
-    refused(scheme, [phase([(0.05, 4)]), phase([(7.95, 4)], "b")], "'b and fluid'", "4.0]")
-    refused(scheme, phase([(1, 1), (3, 3), (1, 1 + 1e-9)]), "'fluid'", "[1.0, 1.0")
+    refused(scheme, [phase([(0.05, 4)]), phase([(7.95, 4)], "b")], "'b and fluid'", "4) m")
+    refused(scheme, phase([(1, 1), (3, 3), (1, 1 + 1e-9)]), "'fluid'", "(1, 1) m")
     refused(scheme, phase([(0, 4), (8, 4)]), "'fluid'")
     many = [phase([(1, 1), (1.05, 1)]), phase([(1.1, 1)], "b")]  # the nearest are of one phase
     refused(scheme, many, "'b and fluid'")

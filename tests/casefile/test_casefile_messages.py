@@ -104,10 +104,10 @@ def test_an_item_is_named_once():
     plain = {"equation": "dye -> dye_bound", "forward": 1.0}
     refuses("species in reactions 'dye -> x' = 'x'", reactions=[{**plain, "equation": "dye -> x"}])
     refuses("reactions = 'dye <- x'", reactions__1__equation="dye <- x")
-    refuses(f"forward rate in {place} = -1.0", reactions=[{**plain, "forward": -1}])
+    refuses(f"forward rate in {place} = -1", reactions=[{**plain, "forward": -1}])
     refuses(f"units in {place} = 'mol'", reactions=[{**plain, "units": "mol"}])
     refuses(f"group in forward in {place} = 'x'", reactions=[{**plain, "forward": {"x": 1}}])
-    refuses("diffusivity in species 'dye' = -1.0", species__1__diffusivity=-1)
+    refuses("diffusivity in species 'dye' = -1", species__1__diffusivity=-1)
     refuses("diffusivity in fluid in species 'dye' = -1.0", species__1__diffusivity={"fluid": -1})
     refuses("species in initial #1 = 'dy'", initial__1__species="dy")
 

@@ -39,7 +39,7 @@ def test_overlapping_bodies_are_refused_where_the_total_is_small():
     points, areas = pc.rings(ball, 0.0, 4.5, 1.0)
     points += np.array([0.3, 0.2])  # no two particles at the same place
     inside = pc.Phase("inside", WATER, points, areas, spacing=1.0)
-    with pytest.raises(pc.InputError, match="volume of 'inside'"):
+    with pytest.raises(pc.InputError, match="fluid and inside"):
         check_filling(box, [pc.fluid(box, WATER, 1.0), inside], False)
     check_filling(box, [pc.fluid(box, WATER, 1.0, ~ball), inside], False)
 

@@ -45,7 +45,9 @@ def typed_at(location: Sequence[Any], given: Any, otherwise: Any) -> Any:
         listed = isinstance(given, list | tuple) and isinstance(part, int) and part < len(given)
         if listed or (isinstance(given, Mapping) and part in given):
             given = given[part]
-    return given if isinstance(given, str | int | float) else otherwise
+    # of a formula what came of it tells more
+    plain = isinstance(given, str | int | float) and not is_formula(given)
+    return given if plain else otherwise
 
 
 def numbers_of(value: Any) -> list[float] | None:

@@ -189,6 +189,25 @@ def still() -> dict:
     }
 
 
+def folded() -> dict:
+    """Half of a channel in front of a mirror."""
+    return {
+        "constants": {"height": "40 um", "spacing": "= height / 8"},
+        "domain": {"lower": [0, 0], "upper": ["= height", "= height"], "periodic": "x"},
+        "materials": {"water": {"density": 1000, "viscosity": "1 mPa*s"}},
+        "shapes": {"top": {"type": "HalfSpace", "point": [0, "= height"], "normal": [0, -1]},
+                   "floor": {"type": "HalfSpace", "point": [0, 0], "normal": [0, 1]}},
+        "phases": [{"type": "Phase", "name": "fluid", "material": "water",
+                    "fill": {"type": "lattice", "spacing": "= spacing"}}],
+        "scheme": {"type": "SDPD", "gravity": [0.1, 0], "reference_speed": "1 mm/s"},
+        "boundaries": [
+            {"type": "Mirror", "body": "top"},
+            {"type": "Mirror", "body": "floor", "slip": False, "velocity": [1e-4, 0]},
+        ],
+        "run": {"until": 1e-5},
+    }  # fmt: skip
+
+
 def stirred() -> dict:
     """A body that moves in a cavity, by the other scheme."""
     around = {"type": "around", "ball": "post", "spacing": "= spacing", "reach": 6}
@@ -250,7 +269,7 @@ def solid() -> dict:
     }
 
 
-FILES = [rich, still, stirred, solid, small]
+FILES = [rich, still, stirred, solid, small, folded]
 
 
 def types(value) -> set[str]:

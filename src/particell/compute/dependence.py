@@ -162,9 +162,9 @@ class Dependence:
 
     def _vanishes(self, number: int) -> bool:
         node = self.numbering.nodes[number]
-        parts = [
-            self.vanishes(self.numbering(a) if isinstance(a, Node) else a) for a in node.args[:3]
-        ]
+        # whole numbers are numbers of expressions here, and not what stands in a law
+        values = (self.numbering(a) if isinstance(a, Node) else float(a) for a in node.args[:3])
+        parts = [self.vanishes(value) for value in values]
         if node.op == "*":
             return any(parts)
         if node.op in ("+", "-", "neg", "max", "min", "early"):

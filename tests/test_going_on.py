@@ -234,6 +234,7 @@ CHANGED = {
     "normalisation": {"normalise_diffusion": False},
     "the rate": {"reactions": [pc.Reaction("M -> 0", 0.6)]},
     "a step": {"dt": 0.02},
+    "the depth": {"depth": 2.0},
     "a sponge more": {"boundaries": [Sponge(1.0, 4.0, time=0.5, species={"C": 1.0})]},
     "an operation more": {"operations": [pc.Every(print, steps=3)]},
     "an observable more": {"observables": {"one": lambda state: 1.0}},
@@ -250,10 +251,27 @@ def test_a_changed_description_is_refused(changed):
 
 
 def _with(changed) -> pc.Simulation:
-    box = pc.Domain((0,), (10,), "x", depth=1.0)
-    species = [pc.Species("M", 0.1, molecules=True), pc.Species("C", 0.1)]
     given = {"reactions": [pc.Reaction("M -> 0", 0.5)], "dt": 0.01, **changed}
+    box = pc.Domain((0,), (10,), "x", depth=given.pop("depth", 1.0))
+    species = [pc.Species("M", 0.1, molecules=True), pc.Species("C", 0.1)]
     return pc.Simulation(box, pc.fluid(box, unit_fluid(), 1.0), pc.Static(), species, **given)
+
+
+def test_a_surface_that_has_changed_is_refused():
+    """Particles may be the same in front of another wall."""
+
+    def beside(edge: float) -> pc.Simulation:
+        box = pc.Domain((0,), (10,), depth=1.0)
+        wall = pc.Box((-np.inf,), (edge,))
+        points, volume = np.arange(3.5, 10.0)[:, None], np.ones(7)
+        inner = pc.Phase("fluid", unit_fluid(), points, volume)
+        outer = pc.Phase("wall", unit_fluid(), points[:3] - 3.0, 1.0, "wall", surface=wall)
+        return pc.Simulation(box, [inner, outer], pc.Static(), dt=0.01)
+
+    state = beside(3.0).state()
+    beside(3.0).restore(state)
+    with pytest.raises(InputError, match="surfaces of the checkpoint"):
+        beside(2.9).restore(state)
 
 
 def _sponge(value: float, time: float = 0.5) -> dict:
@@ -266,6 +284,28 @@ def _every(value: float) -> dict:
     return {"operations": [pc.Every(lambda state: log.append(value), steps=3, name="log")]}
 
 
+class Kicks(pc.Operation):
+    """An operation with values of its own, and something that it collects."""
+
+    def __init__(self, *kicks: float):
+        self.kicks, self.seen = list(kicks), []
+
+    def __call__(self, state) -> None:
+        self.seen.append(state.time * self.kicks[0])
+
+
+class Table:
+    def __init__(self, value: float):
+        self.value = value
+
+
+def _reads(thing) -> dict:
+    def read(state) -> None:
+        assert thing
+
+    return {"operations": [pc.Every(read, steps=3)]}
+
+
 @pytest.mark.parametrize(
     ("one", "other"),
     [
@@ -276,6 +316,11 @@ def _every(value: float) -> dict:
             {"operations": [pc.Every(print, steps=3)]},
             {"operations": [pc.Every(print, steps=4)]},
         ),
+        ({"operations": [Kicks(1.0)]}, {"operations": [Kicks(2.0)]}),
+        (_reads({"k": 1.0}), _reads({"k": 2.0})),
+        (_reads([1.0, {2.0}]), _reads([1.0, {3.0}])),
+        (_reads(Table(1.0)), _reads(Table(2.0))),
+        (_reads(pc.Circle((0, 0), 1.0)), _reads(pc.Circle((0, 0), 1.0 + 1e-9))),
         (law(0.5), law(0.6)),
         (
             {"observables": {"n": lambda state: 1.0}},

@@ -1,7 +1,8 @@
 """What a simulation was made of, as text that is the same for the same description.
 
 Checkpoints hold it: a run goes on only as what it began as. Of what a script brings, functions
-count by their code, by the values that they refer to, and not by what they collect into.
+count by their code and by the values that they refer to, as these are when the simulation is made:
+lists and tables too, but those that a function itself appends to.
 """
 
 from __future__ import annotations
@@ -47,7 +48,9 @@ def description(simulation: Simulated) -> dict[str, str]:
     return {
         **s.described,
         "domain": repr(s.domain),
+        "depth": repr(float(s.system.depth)),
         "groups": repr(s.particles.groups),
+        "surfaces": _listed(p.surface for p in s.phases if p.surface is not None),
         "materials": repr(s.materials),
         "scheme": scheme_text(s.scheme),
         "forces": "" if s.static else "; ".join(f.described() for f in s.solver.flow.forces),

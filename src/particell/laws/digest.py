@@ -14,7 +14,8 @@ import hashlib
 import sys
 import sysconfig
 import types
-from collections.abc import Callable, Mapping
+from collections import deque
+from collections.abc import Callable, Mapping, Set
 from enum import Enum
 from pathlib import Path
 from typing import Any
@@ -28,6 +29,9 @@ LENGTH = 16
 #: Longest text of values that are shown as they are.
 LONGEST = 80
 _PLAIN = (bool, int, float, complex, str, bytes, type(None), type(Ellipsis))
+_COLLECTIONS = (list, set, dict, deque)
+#: Methods that collect into what they belong to.
+_COLLECT = {"append", "appendleft", "extend", "add", "update", "insert", "setdefault"}
 _PACKAGE = Path(__file__).resolve().parent.parent
 _INSTALLED = (_PACKAGE, *(Path(sysconfig.get_paths()[k]) for k in ("stdlib", "purelib")))
 
@@ -35,8 +39,8 @@ _INSTALLED = (_PACKAGE, *(Path(sysconfig.get_paths()[k]) for k in ("stdlib", "pu
 def digest(value: Any, what: str, lenient: bool = False) -> str:
     """A digest of a value; ``what`` names it where it cannot be had.
 
-    ``lenient`` takes of what may change by itself (lists, tables, sets and objects that functions
-    refer to) the type alone: what a script collects into is no part of what it describes.
+    ``lenient`` takes the type alone of lists, tables and sets that a function itself appends to
+    (what a script collects into is no part of what it describes), and of other packages' objects.
 
     Raises
     ------
@@ -66,19 +70,23 @@ def described(law: Any, lenient: bool = False) -> str:
         Where a value is of a kind that cannot be compared.
     """
     kind = type(law)
-    parts = []
-    for name, value in sorted(vars(law).items()):
-        if isinstance(value, _PLAIN) or _short(value):
-            parts.append(f"{name}={value!r}")
-        else:
-            shown = f"{type(value).__name__} {digest(value, f'{name} of {kind.__name__}', lenient)}"
-            parts.append(f"{name}=<{shown}>")
     methods = {
         f"{number} {name}": function
         for number, base in enumerate(kind.__mro__)
         for name, function in vars(base).items()
         if is_own(function)
     }
+    codes = [getattr(m, "py_func", m).__code__ for m in methods.values()] if lenient else []
+    collected = set().union(*map(_collected, codes))
+    parts = []
+    for name, value in sorted(vars(law).items()):
+        if isinstance(value, _PLAIN) or _short(value):
+            parts.append(f"{name}={value!r}")
+        elif name in collected and isinstance(value, _COLLECTIONS):
+            parts.append(f"{name}=<{type(value).__name__}>")
+        else:
+            shown = f"{type(value).__name__} {digest(value, f'{name} of {kind.__name__}', lenient)}"
+            parts.append(f"{name}=<{shown}>")
     if methods:
         parts.append(f"code {_Digest(kind.__name__, lenient).of(sorted(methods.items()), True)}")
     return f"{kind.__qualname__}({', '.join(parts)})"
@@ -114,18 +122,6 @@ class _Digest:
             self.feed(value)
         return self.hash.hexdigest()[:LENGTH]
 
-    def _changes(self, value: Any) -> bool:
-        """Whether a value is of a kind that collects, or is an object with a life of its own."""
-        if isinstance(value, list | set | Mapping):
-            return True
-        known = tuple | frozenset | functools.partial | types.MethodType | Enum | np.ufunc
-        code = type | types.ModuleType | types.BuiltinFunctionType | np.dtype
-        return not (
-            isinstance(value, known | code)
-            or hasattr(value, "__code__")
-            or hasattr(value, "py_func")
-        )
-
     def put(self, *texts: object) -> None:
         for text in texts:
             self.hash.update(f"{text}\0".encode())
@@ -145,9 +141,7 @@ class _Digest:
 
     def _feed_whole(self, value: Any) -> None:
         self.put(type(value).__name__)
-        if self.lenient and self._changes(value):
-            return
-        if isinstance(value, tuple | list):
+        if isinstance(value, tuple | list | deque):
             self.put(len(value))
             for item in value:
                 self.feed(item)
@@ -169,6 +163,8 @@ class _Digest:
             self._feed_function(getattr(value, "py_func", value))
         elif hasattr(value, "__code__") or hasattr(value, "py_func"):
             self.put(value.__module__, value.__qualname__)
+        elif self.lenient and not _describes(value):
+            self.put(type(value).__module__, type(value).__qualname__)
         elif hasattr(value, "__dict__"):
             self.put(type(value).__module__, type(value).__qualname__)
             self.feed(vars(value))
@@ -184,11 +180,20 @@ class _Digest:
         self.put(*sys.version_info[:2])
         self._feed_code(function.__code__, function.__doc__, function.__globals__)
         self.feed((function.__defaults__, function.__kwdefaults__))
-        for cell in function.__closure__ or ():
+        code = function.__code__
+        skipped = _collected(code) if self.lenient else frozenset()
+        for name, cell in zip(code.co_freevars, function.__closure__ or (), strict=True):
             try:
-                self.feed(cell.cell_contents)
+                self._feed_named(name, cell.cell_contents, skipped)
             except ValueError:  # not yet given
                 self.put("empty")
+
+    def _feed_named(self, name: str, value: Any, skipped: Set[str]) -> None:
+        """What a function has under a name; of what it collects into, the type."""
+        if name in skipped and isinstance(value, _COLLECTIONS):
+            self.put(type(value).__name__)
+        else:
+            self.feed(value)
 
     def _feed_code(self, code: types.CodeType, doc: str | None, known: Mapping[str, Any]) -> None:
         self.put(code.co_argcount, code.co_kwonlyargcount, code.co_flags, *code.co_names)
@@ -199,8 +204,35 @@ class _Digest:
                 self._feed_code(constant, None, known)
             elif doc is None or constant != doc:
                 self.feed(constant)
+        skipped = _collected(code) if self.lenient else frozenset()
         for instruction in dis.get_instructions(code):
             name = instruction.argval
             if instruction.opname in ("LOAD_GLOBAL", "LOAD_NAME") and name in known:
                 self.put(name)
-                self.feed(known[name])
+                self._feed_named(name, known[name], skipped)
+
+
+def _collected(code: types.CodeType) -> Set[str]:
+    """The names of what code appends to: ``x`` of ``x.append(…)`` and of ``self.x.append(…)``."""
+    found: set[str] = set()
+    last = None
+    for instruction in dis.get_instructions(code):
+        if instruction.opname in ("LOAD_ATTR", "LOAD_METHOD") and instruction.argval in _COLLECT:
+            # two loads may be one instruction; the second one is nearer
+            found.add(last[-1] if isinstance(last, tuple) else str(last))
+        last = instruction.argval
+    return found.union(*(_collected(c) for c in code.co_consts if isinstance(c, types.CodeType)))
+
+
+def _describes(value: Any) -> bool:
+    """Whether an object is made of its values: of the user's classes, a frozen one, or a shape."""
+    kind = type(value)
+    if not hasattr(value, "__dict__"):
+        return False
+    frozen = dataclasses.is_dataclass(kind) and kind.__dataclass_params__.frozen  # type: ignore[attr-defined]
+    if frozen or kind.__module__.startswith(f"{_PACKAGE.name}.geometry."):
+        return True
+    file = getattr(sys.modules.get(kind.__module__), "__file__", None)
+    if file is None:
+        return kind.__module__ == "__main__"
+    return not any(Path(file).is_relative_to(place) for place in _INSTALLED)

@@ -2,7 +2,16 @@ from __future__ import annotations
 
 import pytest
 
+from long_tests import LONG
 from particell.compute.threads import Shared, available_threads, get_threads
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark the tests of :mod:`long_tests`."""
+    for item in items:
+        if item.nodeid.startswith(LONG):
+            item.add_marker("long")
 
 
 @pytest.fixture

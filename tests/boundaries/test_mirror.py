@@ -15,7 +15,6 @@ from particell.health.spacing import Spacing
 from systems import same_bits, unit_fluid
 
 WATER = unit_fluid(viscosity=0.5)
-LONG = pytest.mark.long
 SCHEMES = {
     "SDPD": pc.SDPD(),
     # volumes are put right when lists are built: of the whole also where images have come too near
@@ -27,11 +26,6 @@ SCHEMES = {
         normalise_viscosity=True, momentum_flux="conserving", pressure_force="difference"
     ),
 }
-
-
-def variants(*short):
-    """Names of all schemes; those that are not named here run in the long tests only."""
-    return [name if name in short else pytest.param(name, marks=LONG) for name in SCHEMES]
 
 
 def plane(dim, axis, at, side, **options):
@@ -74,7 +68,7 @@ def in_a_corner(dim, whole, scheme, dt=0.01, **options):
     return pc.Simulation(box, phase, scheme, boundaries=planes, dt=dt, **options)
 
 
-@pytest.mark.parametrize("name", variants("SDPD", "TransportVelocity"))
+@pytest.mark.parametrize("name", SCHEMES)
 def test_a_quarter_is_the_whole(name):
     """Uneven particles that move, in front of two planes."""
     part, whole = (in_a_corner(2, full, SCHEMES[name]) for full in (False, True))
@@ -88,7 +82,7 @@ def test_a_quarter_is_the_whole(name):
         assert one[order[0]] == pytest.approx(all_[order[1]][: part.particles.n], abs=1e-9)
 
 
-@pytest.mark.parametrize("dim", [pytest.param(1, marks=LONG), 3])
+@pytest.mark.parametrize("dim", [1, 3])
 def test_in_one_and_in_three_dimensions(dim):
     scheme = pc.TransportVelocity(support=1.7)
     part, whole = (in_a_corner(dim, full, scheme) for full in (False, True))
@@ -109,7 +103,7 @@ def half_channel(whole, scheme):
     return pc.Simulation(box, phases, scheme, boundaries=boundaries, dt=0.01)
 
 
-@pytest.mark.parametrize("name", [pytest.param("SDPD", marks=LONG), "TransportVelocity"])
+@pytest.mark.parametrize("name", ["SDPD", "TransportVelocity"])
 def test_half_a_channel_is_the_channel(name):
     """Also what is kept of volumes, and the sound speed's rule."""
     scheme = replace(SCHEMES[name], gravity=(0.5, 0.0))
@@ -125,7 +119,6 @@ def test_half_a_channel_is_the_channel(name):
     assert found[0] == found[1]
 
 
-@LONG
 def test_the_profile_of_half_a_channel():
     """Exact on lattices for the normalised viscosity beside walls."""
     box = pc.Domain((0, 0), (6, 5), periodic="x", depth=1.0)
@@ -157,9 +150,7 @@ def couette(speed=1.0, height=6, scheme=None, velocity=None, **options):
     return pc.Simulation(box, inside, scheme, boundaries=planes, **options)
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param("SDPD", marks=LONG), "TransportVelocity, normalised"]
-)
+@pytest.mark.parametrize("name", ["SDPD", "TransportVelocity, normalised"])
 def test_plane_couette_flow_is_exact(name):
     """Shear is exact on a lattice, to round-off, and stays while the lattice is sheared."""
     line = lambda x: np.stack([x[:, 1] / 6, 0 * x[:, 1]], axis=1)  # noqa: E731
@@ -171,7 +162,6 @@ def test_plane_couette_flow_is_exact(name):
     assert np.abs(v - line(x)).max() < 1e-3
 
 
-@LONG
 @pytest.mark.parametrize("height", [8, 16])
 def test_couette_flow_that_starts(height):
     """The series of the plate that is set in motion, to second order in the spacing."""
@@ -247,7 +237,7 @@ def test_averages_at_a_mirror():
     assert run.average("velocity")[:, 0] == pytest.approx(at[:, 1] / 6, abs=1e-7)
 
 
-@pytest.mark.parametrize("name", ["SDPD", pytest.param("TransportVelocity", marks=LONG)])
+@pytest.mark.parametrize("name", ["SDPD", "TransportVelocity"])
 def test_forms_and_restarts(name):
     """Lanes have images as rows have, and a run goes on bit for bit."""
     one = in_a_corner(2, False, SCHEMES[name])

@@ -6,6 +6,8 @@ import json
 import shlex
 import subprocess
 import sys
+import threading
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -13,6 +15,8 @@ import pytest
 
 from particell import cases
 from particell.cli import call
+from particell.health import Finding
+from particell.output.ownership import LOCK, owned
 from particell.output.run import Run
 
 
@@ -204,6 +208,52 @@ def test_validate_writes_one_page_and_does_not_repeat_itself(capsys, tmp_path):
     assert particell("validate walk --full --out v --seed 2") == 0
     assert (row / "run.h5").stat().st_mtime_ns > made
     fails(capsys, 2, "did you mean 'walk'", line="validate wlak")
+
+
+def test_validate_takes_rows_from_its_own_page(capsys):
+    assert particell("validate walk --full --out v") == 0
+    whole = Path("v/page/results.json").read_bytes()
+    figure = Path("v/page/walk_particles-64_spread.png").read_bytes()
+    assert particell("validate walk --full --out v --before v/page --longest 0") == 0
+    assert "taken from v/page" in capsys.readouterr().out
+    assert Path("v/page/results.json").read_bytes() == whole
+    assert Path("v/page/walk_particles-64_spread.png").read_bytes() == figure
+    row = json.loads(whole)["rows"][0]
+    foreign = [{"command": "x"}, {**row, "metrics": {"a": 1}}, {**row, "figure": "../case.json"}]
+    foreign += [{**row, "performance": {}}, {**row, "status": "good"}, 7]
+    for rows in ({}, [], {"rows": 3}, *({"rows": [found]} for found in foreign)):
+        Path("v/page/results.json").write_text(json.dumps(rows))
+        fails(capsys, 2, "the rows of a page", line="validate walk --before v/page")
+
+
+def test_validate_leaves_a_row_that_another_runs(capsys, monkeypatch):
+    place = Path("v/walk/particles-64")
+    place.mkdir(parents=True)
+    statuses: list[int] = []
+    with owned(place):
+        other = threading.Thread(
+            target=lambda: statuses.append(particell("validate walk --full --out v"))
+        )
+        other.start()
+        other.join()
+        assert [path.name for path in place.iterdir()] == [LOCK]
+    assert statuses == [2]
+    asked: list[str] = []
+    monkeypatch.setattr("particell.validation.runs.commit", lambda: asked.append("commit"))
+    monkeypatch.setattr("particell.cases.execution.commit", lambda: asked.append("of the run"))
+    monkeypatch.setattr("particell.cases.execution.Run", lambda *_: asked.append("run"))
+    particell("validate walk --full --out v")
+    assert asked == ["commit", "of the run", "run"]  # and not when the run has ended
+
+
+def test_validate_does_not_forget_that_a_run_was_ill(monkeypatch, capsys):
+    from fake_case import WalkSimulation
+
+    ill = [Finding("clumps", 0.5, 0.02, "they are torn")]
+    monkeypatch.setattr(WalkSimulation, "health", lambda self: ill)
+    assert particell("validate walk --full --out v") == 1
+    assert particell("validate walk --full --out v") == 1
+    assert "finished before" in capsys.readouterr().out
 
 
 def test_validate_goes_on_after_what_fails(capsys, tmp_path, monkeypatch):

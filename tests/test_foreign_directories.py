@@ -97,6 +97,19 @@ def test_a_case_of_ones_own_goes_on_where_the_user_names_it(place, capsys):
         read_ensemble("several")
 
 
+def test_parameters_that_are_nested_without_end(place):
+    from systems import periodic_lattice
+
+    periodic_lattice(8, 2).run(0.01, out=place, progress=False)
+    with h5py.File(place / "run.h5", "a") as file:
+        del file["parameters/run"]
+        file["parameters/run"] = "[" * 100_000
+    run = Run(place)
+    assert [role.kind for role in run.source.roles()] == ["fluid"]
+    with pytest.raises(InputError, match="JSON of a table"):
+        _ = run.parameters
+
+
 @pytest.mark.parametrize("text", ["[" * 100_000, '{"description": [], "seed": 1, "runs": 1}'])
 def test_ensembles_that_are_no_ensembles(place, capsys, text):
     (place / "ensemble.json").write_text(text)

@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import threading
+import time
 
 import h5py
 import numpy as np
@@ -18,8 +20,10 @@ from particell import observers
 from particell.boundaries.sponge import Sponge
 from particell.cli import call
 from particell.errors import InputError
+from particell.output import ownership
 from particell.output.checkpoint import read_checkpoint
-from particell.output.ownership import LOCK, owned, owner
+from particell.output.ownership import LOCK, UNKNOWN, owned, owner
+from particell.output.trajectory import TrajectoryWriter
 from particell.status import read_status
 from systems import same_bits, unit_fluid
 
@@ -80,6 +84,86 @@ def test_a_directory_belongs_to_one_process(held):
     assert owner(place) is None and os.listdir(place) == [LOCK]
     run(line(), 0.2, place)
     assert LOCK not in os.listdir(place)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs modes of files, and fork")
+def test_who_may_only_read_is_told_the_owner(held, monkeypatch):
+    place, process = held
+    (place / "status.json").write_text('{"state": "running"}')
+    opened, plain = [], os.open
+
+    def reading(path, flags, *more):
+        """Root may do everything: refuse what others may not."""
+        opened.append(path)
+        if str(path).endswith(LOCK) and flags & (os.O_WRONLY | os.O_RDWR):
+            raise PermissionError(13, "Permission denied")
+        return plain(path, flags, *more)
+
+    monkeypatch.setattr(os, "open", reading)
+    assert owner(place) == f"process {process.pid}" and read_status(place)["state"] == "running"
+    assert opened
+    monkeypatch.setattr(ownership, "_lock", lambda handle, shared=False: None)  # there are none
+    assert owner(place) == UNKNOWN and read_status(place)["state"] == "unknown"
+    monkeypatch.undo()
+    process.kill()
+    process.wait()
+    assert read_status(place)["state"] == "killed"
+
+
+def test_the_lock_of_another_is_left(tmp_path):
+    """A directory that was removed and made anew belongs to who has it since."""
+    place = tmp_path / "one"
+    place.mkdir()
+    with owned(place):
+        shutil.rmtree(place)
+        place.mkdir()
+        (place / LOCK).write_text("1 elsewhere")
+    assert (place / LOCK).exists()
+    (place / LOCK).unlink()
+    with owned(place):
+        pass
+    assert os.listdir(place) == []
+
+
+def test_who_waits_for_another_process_lets_threads_go_on(held, tmp_path):
+    place, _ = held
+    refused: list[str] = []
+
+    def wait() -> None:
+        try:
+            with owned(place):
+                pass
+        except InputError as error:
+            refused.append(str(error))
+
+    waiting = threading.Thread(target=wait)
+    (tmp_path / "own").mkdir()
+    waiting.start()
+    while os.path.realpath(place) not in ownership._held:
+        time.sleep(0.001)
+    with owned(tmp_path / "own"):
+        assert waiting.is_alive()
+    waiting.join()
+    assert refused and not ownership._held
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+@pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
+def test_a_fork_has_nothing_of_its_parent_s(tmp_path):
+    """Not its directories, and not the guard that another thread of it has."""
+    (tmp_path / "other").mkdir()
+    with owned(tmp_path):
+        with ownership._guard:
+            child = os.fork()
+            if not child:
+                signal.alarm(20)  # where it waits for ever
+                try:
+                    with owned(tmp_path / "other"):
+                        os._exit(0 if not ownership._held.get(os.path.realpath(tmp_path)) else 1)
+                finally:
+                    os._exit(2)
+        assert os.waitpid(child, 0)[1] == 0
+        assert owner(tmp_path) == f"process {os.getpid()}"
 
 
 def test_a_run_and_an_ensemble_keep_others_out(tmp_path, monkeypatch):
@@ -178,6 +262,54 @@ def test_a_run_that_has_ended_is_made_longer(tmp_path):
         ):
             name = "particles/all/count/M/value"
             assert np.array_equal(ours[name], theirs[name])
+
+
+def test_what_was_done_in_between_is_not_left_out(tmp_path):
+    """Steps of which the directory has no frames and averages: refused, until it is put back."""
+    simulation = line()
+    mean = pc.TimeAverage(np.array([[5.0]]), ["concentration/C"])
+    run(simulation, 0.2, tmp_path, averages=mean)
+    simulation.advance()
+    with pytest.raises(InputError, match="restore it; of step 20, and this is 21"):
+        run(simulation, 0.4, tmp_path, averages=mean)
+    run(simulation, 0.41, None)
+    with pytest.raises(InputError, match="restore it"):
+        run(simulation, 0.6, tmp_path, averages=mean)
+    simulation.restore(read_checkpoint(tmp_path / "checkpoint.h5")[0])
+    assert len(run(simulation, 0.4, tmp_path, averages=mean)) == 5
+    with pytest.raises(InputError, match=r"until = 0.1.*present time 0.4"):
+        run(simulation, 0.1, tmp_path, averages=mean)
+
+
+def test_a_run_is_told_of_before_its_loops_are_compiled(tmp_path, monkeypatch):
+    seen = []
+    simulation, start = line(), pc.Simulation.start
+
+    def slow(self) -> None:
+        seen.append(read_status(tmp_path))
+        start(self)
+        if len(seen) == 1:
+            raise ValueError("no loop")
+
+    monkeypatch.setattr(pc.Simulation, "start", slow)
+    with pytest.raises(ValueError, match="no loop"):
+        run(simulation, 0.2, tmp_path)
+    assert (seen[0]["state"], seen[0]["step"], seen[0]["frames"]) == ("running", 0, 0)
+    found = read_status(tmp_path)
+    assert (found["state"], found["error"]) == ("failed", "ValueError: no loop")
+
+
+def test_what_fails_where_a_file_cannot_be_closed_is_told_all_the_same(tmp_path, monkeypatch):
+    def full(*_) -> None:
+        raise OSError(28, "No space left on device")
+
+    def fails(state) -> None:
+        monkeypatch.setattr(TrajectoryWriter, "close", full)
+        raise ValueError("once")
+
+    with pytest.raises(ValueError, match="once"):
+        run(line(operations=[pc.Every(fails, steps=3)]), 0.2, tmp_path)
+    assert read_status(tmp_path)["state"] == "failed"
 
 
 def test_other_intervals_and_ends(tmp_path):
@@ -387,7 +519,13 @@ every = 0.5
     assert call(["run", "my.toml", "--out", "one", "--no-progress"]) == 0
     assert call(["resume", "one", "--until", "2 s", "--no-progress"]) == 0
     assert np.allclose(pc.Run("one").times, [0, 0.5, 1, 1.5, 2])
-    assert json.loads((tmp_path / "one" / "case.json").read_text())["parameters"]["run"]["until"]
+    written = (tmp_path / "one" / "case.json").read_bytes()
+    assert json.loads(written)["parameters"]["run"]["until"] == 2.0
+    for end, words in (("3.7", "every"), ("0.5", "later than the present time 2 s")):
+        capsys.readouterr()
+        assert call(["resume", "one", "--until", end, "--no-progress"]) == 2
+        assert words in capsys.readouterr().err
+        assert (tmp_path / "one" / "case.json").read_bytes() == written
     assert call(["resume", "one", "--no-progress"]) == 0  # ended: figures and summary again
     capsys.readouterr()
     assert call(["info", "one"]) == 0

@@ -21,7 +21,12 @@ def at_rest() -> pc.Simulation:
     line = pc.Domain((0,), (10,), "x", depth=1.0)
     species = [pc.Species("C"), pc.Species("M", 0.1, molecules=True)]
     made = pc.Simulation(
-        line, pc.fluid(line, unit_fluid(), 1.0), pc.Static(), species, [pc.Reaction("M -> 0", 1.0)]
+        line,
+        pc.fluid(line, unit_fluid(), 1.0),
+        pc.Static(),
+        species,
+        [pc.Reaction("M -> 0", 1.0)],
+        observables={"one": lambda state: 1.0},
     )
     made.chemistry.set_count("M", 3)
     return made
@@ -132,7 +137,15 @@ AT_REST = {
     "molecules below zero": _row("count", -1),
     "molecules beyond counting": _row("count", 2**62),
     "an amount that is no number": _row("amount", math.nan),
+    "a time beyond all numbers": _put("clock", "time", value=10**400),
+    "health beyond all numbers": _put("worst", "mach", value=-(10**400)),
     "no chemistry": _without("chemistry"),
+    "nothing of operations": _put("operations", value={}),
+    "operations without names": _put("operations", value={3: {}}),
+    "an operation that is a number": _put("operations", "Observables", value=3),
+    "an operation of nothing": _put("operations", "Observables", value={}),
+    "names that are a number": _put("operations", "Observables", "names", value=3),
+    "names that are numbers": _put("operations", "Observables", "names", value=[1]),
     "events of text": _put("chemistry", "events", value="many"),
     "jumps below zero": _put("chemistry", "jumps", value=-1),
     "a pace that is no number": _put("chemistry", "pace", value=math.nan),

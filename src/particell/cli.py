@@ -10,11 +10,10 @@ import contextlib
 import os
 import signal
 import sys
-import tomllib
 import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn, TextIO
+from typing import Any, NoReturn, TextIO
 
 import click
 
@@ -28,10 +27,8 @@ from particell.exits import (
     one_line,
     unforeseen,
 )
+from particell.settings import described_case, parse_settings
 from particell.streams import Heedless, mend_streams
-
-if TYPE_CHECKING:
-    from particell.cases.base import Case
 
 _run_options = [
     click.option("--seed", type=int, default=1, show_default=True, help="Of the random numbers."),
@@ -270,7 +267,7 @@ def validate(
     """
     from particell import validation
 
-    return validation.validate(names, full, out, overwrite, guarded, complain, **options)
+    return validation.validate(names, full, out, overwrite, **options)
 
 
 @cli.command()
@@ -319,33 +316,6 @@ def _cuda_devices() -> str:
 
 def _text(name: str | bytes) -> str:
     return name.decode() if isinstance(name, bytes) else name
-
-
-def described_case(case: str, settings: Sequence[str]) -> Case:
-    """The case of a name or a TOML file, with the settings of the command line."""
-    from particell import cases
-    from particell.cases.files import read_case_file, with_settings
-
-    if case.endswith(".toml"):
-        kind, parameters = read_case_file(case)
-    else:
-        kind, parameters = cases.load(case), {}
-    return kind(**with_settings(parameters, parse_settings(settings)))
-
-
-def parse_settings(settings: Sequence[str]) -> dict[str, Any]:
-    """``key=value`` texts as a dictionary; a value is TOML where it can be, and else text."""
-    found: dict[str, Any] = {}
-    for setting in settings:
-        key, equals, value = setting.partition("=")
-        key, value = key.strip(), value.strip()
-        if not equals or not key:
-            raise InputError("--set", setting, "of the form KEY=VALUE")
-        try:
-            found[key] = tomllib.loads(f"value = {value}")["value"]
-        except tomllib.TOMLDecodeError:
-            found[key] = value
-    return found
 
 
 def call(arguments: Sequence[str] | None = None) -> int:

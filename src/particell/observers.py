@@ -31,12 +31,14 @@ from particell.progress import Bar, say
 from particell.recorder import Recorder, new_id
 from particell.restored import check_kind
 from particell.simulated import Runnable
-from particell.status import ENDED, FAILED, INTERRUPTED, STOPPED, Status
+from particell.status import ENDED, STOPPED, Status
 
 #: Steps between looks at the clock, the state's soundness and the user's wish to stop, at most ...
 CHUNK = 50
 #: ... and seconds, where a step takes less.
 LOOK = 0.4
+#: Part of its end by which the time of a run that has ended may differ: it is a sum of steps.
+AT_END = 1e-9
 
 
 class Stop(Protocol):
@@ -125,11 +127,9 @@ def run_with_observers(
     _check_stop(simulation, stop)
     directory = None if out is None else Path(out)
     going_on = directory is not None and _goes_on(simulation, directory)
-    if not (until > simulation.time and math.isfinite(until)):
-        if going_on and until <= simulation.time * (1 + 1e-9):
-            assert directory is not None
-            return Run(directory)
-        raise InputError("until", until, f"later than the present time {simulation.time:g} s")
+    if going_on and math.isclose(until, simulation.time, rel_tol=AT_END):
+        assert directory is not None
+        return Run(directory)
     plan = _plan(simulation, until, every, going_on)
     with contextlib.ExitStack() as stack:
         if directory is not None:
@@ -142,10 +142,17 @@ def run_with_observers(
             say("compiling the loops (only the first time; up to a minute)")
         # from here on: what is raised while loops are compiled may be lost
         asked = stack.enter_context(stop_requests())
+        status = Status(simulation, directory)
+        if not going_on:  # of one that does, nothing may change until it is accepted
+            status.tell(plan)
+            stack.enter_context(status.failures(plan))
         simulation.start()
         running = _running(simulation, chosen, going_on)
         recorder = Recorder(simulation, directory, going_on, running)
-        session = Session(simulation, recorder, plan, Status(simulation, recorder), stop, asked)
+        status.identity = recorder.identity
+        if going_on:
+            stack.enter_context(status.failures(plan))
+        session = Session(simulation, recorder, plan, status, stop, asked)
         session.run(going_on, progress, checkpoint_every)
         run = recorder.finish()
     run.health = simulation.health()
@@ -158,10 +165,39 @@ def _goes_on(simulation: Runnable, directory: Path) -> bool:
     """Whether the run in a directory is the one that this simulation has come from."""
     if simulation.resumed_run is None or not os.path.exists(directory / TRAJECTORY):
         return False
-    return run_id(directory / TRAJECTORY) == simulation.resumed_run["id"]
+    if run_id(directory / TRAJECTORY) != simulation.resumed_run["id"]:
+        return False
+    if simulation.step != simulation.resumed_step:
+        allowed = (
+            f"gone on with from its checkpoint (restore it; of step {simulation.resumed_step}, and "
+            f"this is {simulation.step}): what lies between would be missing"
+        )
+        raise InputError("out", str(directory), allowed)
+    return True
+
+
+def check_end(
+    simulation: Runnable, until: float, every: float | None, directory: str | Path
+) -> None:
+    """Refuse an end that :meth:`.Simulation.run` would refuse; nothing is changed.
+
+    Raises
+    ------
+    InputError
+        Naming it.
+    """
+    clock, timing = simulation.system.clock, simulation.timing
+    kept = clock.saved(), timing.saved()
+    try:
+        _plan(simulation, until, every, _goes_on(simulation, Path(directory)))
+    finally:
+        clock.restore(kept[0])
+        timing.restore(kept[1])
 
 
 def _plan(simulation: Runnable, until: float, every: float | None, going_on: bool) -> Plan:
+    if not (until > simulation.time and math.isfinite(until)):
+        raise InputError("until", until, f"later than the present time {simulation.time:g} s")
     saved = simulation.resumed_plan
     if going_on and saved is not None:
         return Plan.going_on(simulation, saved, until, every)
@@ -236,10 +272,11 @@ class Session:
     ):
         self.simulation, self.recorder, self.plan = simulation, recorder, plan
         self.status, self.stop, self.asked = status, stop, asked
+        self._saved = -1  # the step of the last checkpoint
         self._seconds = LOOK  # that a step takes; the first one shows how many
 
     def run(self, going_on: bool, progress: bool, checkpoint_every: float) -> None:
-        """Make steps, frames and checkpoints; tell how it ended."""
+        """Make steps, frames and checkpoints; tell that it has ended."""
         try:
             if not going_on:
                 for average in self.recorder.averages:
@@ -250,17 +287,16 @@ class Session:
             stopped = self._steps(progress, checkpoint_every)
             self._checkpoint()
             self.status.tell(self.plan, STOPPED if stopped else ENDED)
-        except BaseException as error:
-            self.recorder.close()
-            wish = isinstance(error, Interrupted | KeyboardInterrupt)
-            words = "" if wish else " ".join(f"{type(error).__name__}: {error}".split())
-            self.status.tell(self.plan, INTERRUPTED if wish else FAILED, words[:1000])
+        except BaseException:
+            with contextlib.suppress(Exception):  # what has broken the run may break this too
+                self.recorder.close()
             raise
         finally:
             self._remember()
 
     def _checkpoint(self) -> None:
         self.recorder.checkpoint(self.plan)
+        self._saved = self.simulation.step
         self.status.saved()
 
     def _remember(self) -> None:
@@ -269,6 +305,7 @@ class Session:
         if self.recorder.directory is not None and self.recorder.identity["frames"]:
             s.resumed_plan, s.resumed_run = kept["plan"], kept["run"]
             s.resumed_averages, s.resumed_averaged = kept["averages"], kept["averaged"]
+            s.resumed_step = self._saved
 
     def _interrupt(self) -> NoReturn:
         """Write a checkpoint and say that the run was stopped."""

@@ -46,8 +46,8 @@ class Plan:
         """A plan from now on; by default of ten frames."""
         span = until - simulation.time
         every = span / 10 if every is None else every
-        if not 0 < every <= until * (1 + 1e-9):
-            raise InputError("every", every, f"positive and at most 'until' = {until:g} s")
+        if not 0 < every <= span * (1 + 1e-9):
+            raise InputError("every", every, f"positive and at most the {span:g} s to run")
         frames = _intervals(span, every)
         per_frame = simulation.plan(every)
         check_number_of_steps(simulation.dt, frames * every)
@@ -62,8 +62,6 @@ class Plan:
         plan = cls(**saved)
         plan._check(simulation)
         step = simulation.step
-        if not plan.next - plan.per_frame <= step < plan.next:  # it has been moved on since
-            return cls.new(simulation, until, every)
         asked = plan.then or plan.every
         same = every is None or math.isclose(every, asked, rel_tol=1e-9)
         if same and math.isclose(until, plan.until, rel_tol=1e-9):
@@ -117,6 +115,9 @@ class Plan:
         dt, step = simulation.dt, simulation.step
         if not math.isclose(self.per_frame * dt, self.every, rel_tol=1e-6):
             raise StateError("every", self.every, f"{self.per_frame} steps of {dt:g} s")
+        if not self.next - self.per_frame <= step < self.next:
+            allowed = f"one after step {step}, by at most {self.per_frame}"
+            raise StateError("step of the next frame", self.next, allowed)
         if self.per_frame % simulation.chemistry_every:
             allowed = f"a whole number of {simulation.chemistry_every}"
             raise StateError("steps between frames", self.per_frame, allowed)

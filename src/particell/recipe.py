@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import abc
 import functools
+import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -70,6 +71,10 @@ class Metric:
     paper: float | None = None
     limit: float | None = None
     unit: str = ""
+
+    def __post_init__(self) -> None:
+        if self.value is None:  # as files have what is no number
+            object.__setattr__(self, "value", math.nan)
 
     @property
     def passed(self) -> bool:

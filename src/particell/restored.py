@@ -87,6 +87,8 @@ def number(
     """A number from ``least`` on, or a :class:`StateError`."""
     if isinstance(found, bool) or not isinstance(found, int | float | np.floating):
         raise StateError(what, found, "a number")
+    if isinstance(found, int) and abs(found) > MOST:  # which a float may not hold
+        raise StateError(what, found, "a number")
     good = found >= least and (infinite or math.isfinite(found)) and (zero or found != 0)
     if not good:
         allowed = "a finite number" if least == -math.inf else f"a number from {least:g} on"

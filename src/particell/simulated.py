@@ -57,6 +57,7 @@ class Runnable(Simulated, Protocol):
     resumed: bool
     resumed_plan: Mapping[str, Any] | None
     resumed_run: Mapping[str, Any] | None
+    resumed_step: int
     resumed_averages: Mapping[str, np.ndarray]
     resumed_averaged: Mapping[str, str]
     watch: Any

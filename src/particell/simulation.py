@@ -201,6 +201,7 @@ class Simulation:
         self.run_id, self.resumed = new_id(), False
         self.resumed_plan: Mapping[str, Any] | None = None
         self.resumed_run: Mapping[str, Any] | None = None
+        self.resumed_step = 0
         self.resumed_averages: Mapping[str, np.ndarray] = {}
         self.resumed_averaged: Mapping[str, str] = {}
         self.account = snapshot.Account()
@@ -385,7 +386,7 @@ class Simulation:
         """
         kept = kept_of_run(state)
         restore(self, state)
-        self.resumed, self._started = True, True
+        self.resumed, self._started, self.resumed_step = True, True, self.step
         self.resumed_plan, self.resumed_run = kept.get("plan"), kept.get("run")
         self.resumed_averages, self.resumed_averaged = kept["averages"], kept["averaged"]
         self.run_id = self.resumed_run["id"] if self.resumed_run else new_id()

@@ -6,21 +6,24 @@ import contextlib
 import os
 import socket
 import time
+from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from particell import snapshot
+from particell.errors import Interrupted
 from particell.health import beyond
 from particell.output.files import OutputError, read_json, write_json
-from particell.output.ownership import owner
+from particell.output.ownership import UNKNOWN, owner
 from particell.output.run import STATUS
 from particell.plans import Plan
-from particell.recorder import Recorder
 from particell.simulated import Runnable
 
 RUNNING, ENDED, STOPPED = "running", "ended", "stopped"
 INTERRUPTED, FAILED, KILLED = "interrupted", "failed", "killed"
+#: Where it says that it runs, and it cannot be told whether it does.
+UNCERTAIN = "unknown"
 #: Seconds between two, at least.
 EVERY = 5.0
 
@@ -30,13 +33,19 @@ class Status:
 
     Parameters
     ----------
-    simulation, recorder
+    simulation, directory
         What runs, and where its frames go; without a directory nothing is written.
+
+    Attributes
+    ----------
+    identity
+        Which run it is, and how many frames it has.
     """
 
-    def __init__(self, simulation: Runnable, recorder: Recorder):
-        self.simulation, self.recorder = simulation, recorder
-        self._path = recorder.directory / STATUS if recorder.directory else None
+    def __init__(self, simulation: Runnable, directory: Path | None):
+        self.simulation = simulation
+        self.identity: Mapping[str, Any] = {"id": simulation.run_id, "frames": 0}
+        self._path = directory / STATUS if directory else None
         self._started, self._written = _now(), -EVERY
         self._checkpoint: dict[str, Any] | None = None
         self._health: list[str] = []
@@ -59,6 +68,17 @@ class Status:
         with contextlib.suppress(OutputError):  # frames and checkpoints say it where it matters
             write_json(self._path, self._content(plan, state, error))
 
+    @contextlib.contextmanager
+    def failures(self, plan: Plan) -> Iterator[None]:
+        """Tell how a run ends that does not come to its end."""
+        try:
+            yield
+        except BaseException as error:
+            wish = isinstance(error, Interrupted | KeyboardInterrupt)
+            words = "" if wish else " ".join(f"{type(error).__name__}: {error}".split())
+            self.tell(plan, INTERRUPTED if wish else FAILED, words[:1000])
+            raise
+
     def _content(self, plan: Plan, state: str, error: str) -> dict[str, Any]:
         s = self.simulation
         performance = snapshot.performance_of(s, s.account)
@@ -67,7 +87,7 @@ class Status:
         return {
             "state": state,
             "error": error or None,
-            "run": self.recorder.identity["id"],
+            "run": self.identity["id"],
             "process": os.getpid(),
             "host": socket.gethostname(),
             "started": self._started,
@@ -77,7 +97,7 @@ class Status:
             "time": s.time,
             "until": plan.until,
             "progress": 1.0 if state in (ENDED, STOPPED) else s.step / max(plan.last, 1),
-            "frames": self.recorder.identity["frames"],
+            "frames": self.identity["frames"],
             "particle_steps_per_second": rate,
             "seconds_left": left if state == RUNNING else None,
             "health": self._health,
@@ -88,6 +108,8 @@ class Status:
 def read_status(directory: str | Path) -> dict[str, Any]:
     """What ``status.json`` says, with the state ``"killed"`` where nobody runs who says so.
 
+    It is ``"unknown"`` where that cannot be told: the lock may not be read, or there are none.
+
     Raises
     ------
     InputError
@@ -96,8 +118,9 @@ def read_status(directory: str | Path) -> dict[str, Any]:
     found = read_json(Path(directory) / STATUS, "directory")
     if not isinstance(found, dict):
         return {}
-    if found.get("state") == RUNNING and owner(directory) is None:
-        found["state"] = KILLED
+    if found.get("state") == RUNNING:
+        whose = owner(directory)
+        found["state"] = {None: KILLED, UNKNOWN: UNCERTAIN}.get(whose, RUNNING)
     return found
 
 

@@ -29,10 +29,11 @@ from particell.casefile.running import AverageTable, RunTable, SimulationTable, 
 from particell.cases.base import Context
 from particell.cases.yeast_channel import YeastChannel
 from particell.chemistry.engine import Chemistry
-from particell.cli import call, described_case
+from particell.cli import call
 from particell.cli import run as run_command
 from particell.geometry.fill import around, arranged
 from particell.output.run import Run
+from particell.settings import described_case
 from particell.simulation import Simulation
 
 ENZYME = Path(__file__).parents[2] / "examples" / "enzyme.xml"

@@ -10,9 +10,10 @@ import pytest
 import particell as pc
 from particell.casefile.starting import starting_text
 from particell.cases.base import Context
-from particell.cli import call, described_case
+from particell.cli import call
 from particell.errors import InputError, RunError, shown
 from particell.monitor import Monitor
+from particell.settings import described_case
 from particell.units import parse
 
 NO_WALLS = (r"\[\[phases\]\]\ntype = \"channel_walls\".*?(?=\[scheme\])", "")

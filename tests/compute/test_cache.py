@@ -156,3 +156,13 @@ def test_a_directory_that_is_not_the_user_s_alone(kept, monkeypatch, why):
     assert len(said) == 1 and why in said[0] and str(place) in said[0]
     assert sorted(place.rglob("*")) == before
     assert not generated.directory().is_relative_to(place)
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid"), reason="needs modes of files")
+def test_a_directory_of_a_group_becomes_the_user_s_with_a_line(kept):
+    place, double = kept
+    place.mkdir(exist_ok=True)
+    place.chmod(0o770)
+    said = double()
+    assert len(said) == 1 and "a group could write to" in said[0] and str(place) in said[0]
+    assert place.stat().st_mode & 0o777 == 0o700 and double() == []

@@ -225,7 +225,7 @@ def test_the_last_two_are_kept(tmp_path, monkeypatch):
 FULL = """
 import resource, signal, sys
 import numpy as np
-from particell.output.checkpoint import write_checkpoint
+from particell.output.checkpoint import read_checkpoint, write_checkpoint
 from particell.output.files import OutputError
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, 300_000))
@@ -234,6 +234,7 @@ for _ in range(2):
         write_checkpoint(sys.argv[1], {"a": np.arange(1e6), "b": np.arange(1e5)})
     except OutputError as error:
         print(error)
+    assert len(read_checkpoint(sys.argv[1])[0]["a"]) == 10  # the old one
 write_checkpoint(sys.argv[1], {"a": np.arange(11)})
 """
 

@@ -16,7 +16,7 @@ from particell.output.checkpoint import previous, read_checkpoint, take_previous
 from particell.output.files import CheckpointError, prepare_directory, read_json, write_json
 from particell.output.ownership import LOCK, owned
 from particell.output.run import CASE, CHECKPOINT, OWN_FILES, SUMMARY, TRAJECTORY, Run
-from particell.output.summary import write_summary
+from particell.output.summary import commit, write_summary
 from particell.recipe import Context, Metric, Recipe
 from particell.restored import StateError
 
@@ -109,6 +109,9 @@ def go_on(
     with owned(directory):
         simulation = _restored(recipe, context, directory, report, before)
         if again:
+            from particell.observers import check_end
+
+            check_end(simulation, recipe.until, recipe.every, directory)
             record_case(recipe, context, simulation, directory)
         return _finish(recipe, context, simulation, directory, progress, report)
 
@@ -228,6 +231,7 @@ def _finish(
     from particell.compute.threads import get_threads
 
     options = recipe.run_options()
+    commit()  # of the sources that run, which may be others when it has ended
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", HealthWarning)  # the report says the same
         simulation.run(

@@ -101,6 +101,7 @@ def _unusable(directory: Path) -> str:
                 return "can be written to by everybody (chmod 700 makes it yours)"
             if found.st_mode & stat.S_IWGRP:
                 os.chmod(directory, 0o700)
+                tell(f"a group could write to {directory}, which keeps compiled code: now 0700")
         with tempfile.TemporaryFile(dir=directory) as file:
             file.write(b"0")
     except OSError as error:

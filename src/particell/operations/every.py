@@ -99,9 +99,9 @@ class Observables(Operation):
 
     def check(self, saved: Mapping[str, Any]) -> None:
         """See :meth:`.Operation.check`."""
-        if saved["names"] != sorted(self.functions):
+        if saved.get("names") != sorted(self.functions):
             allowed = f"as now: {', '.join(sorted(self.functions))}"
-            raise InputError("observables of the checkpoint", ", ".join(saved["names"]), allowed)
+            raise InputError("observables of the checkpoint", saved.get("names"), allowed)
 
     def observables(self, state: State) -> dict[str, float]:
         """One number of each.

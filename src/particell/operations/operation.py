@@ -183,8 +183,10 @@ class Operations:
         """
         if set(saved) != set(self.by_name):
             allowed = f"as now: {', '.join(self.by_name) or 'none'}"
-            raise InputError("operations of the checkpoint", ", ".join(saved), allowed)
+            raise InputError("operations of the checkpoint", ", ".join(map(str, saved)), allowed)
         for name, operation in self.by_name.items():
+            if not isinstance(saved[name], Mapping):
+                raise InputError(f"operation '{name}' of the checkpoint", saved[name], "a table")
             operation.check(saved[name])
 
     def restore(self, saved: Mapping[str, Any]) -> None:

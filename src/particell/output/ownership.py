@@ -28,11 +28,16 @@ _BEYOND = 1 << 20
 _WITHOUT = {errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EINVAL}
 
 
-class _Held:
-    """A lock of this process: its file, and which thread has it how often."""
+#: Who has a directory, where that cannot be told.
+UNKNOWN = "nobody knows who"
 
-    def __init__(self, handle: int):
-        self.handle, self.thread, self.depth = handle, threading.get_ident(), 1
+
+class _Held:
+    """A lock of this process: its file once it is had, and which thread has it how often."""
+
+    def __init__(self) -> None:
+        self.handle: int | None = None
+        self.thread, self.depth = threading.get_ident(), 1
 
 
 _held: dict[str, _Held] = {}
@@ -40,10 +45,13 @@ _guard = threading.Lock()
 
 
 def _forget() -> None:
-    """What a process has that was forked is its parent's."""
+    """What a process has that was forked is its parent's; so is a guard that a thread there has."""
+    global _guard
+    _guard = threading.Lock()
     for held in _held.values():
-        with contextlib.suppress(OSError):
-            os.close(held.handle)
+        if held.handle is not None:
+            with contextlib.suppress(OSError):
+                os.close(held.handle)
     _held.clear()
 
 
@@ -66,34 +74,44 @@ def owned(directory: str | Path) -> Iterator[None]:
         if held is not None and held.thread != threading.get_ident():
             raise _taken(directory, f"process {os.getpid()}, in another thread,")
         if held is None:
-            handle = _acquire(Path(directory))
-            held = _held[key] = _Held(handle)
+            mine = _held[key] = _Held()
         else:
-            held.depth += 1
+            mine, mine.depth = held, held.depth + 1
     try:
+        if held is None:  # another process may let it wait, but no other thread
+            mine.handle = _acquire(Path(directory))
         yield
     finally:
         with _guard:
-            held.depth -= 1
-            if not held.depth and _held.get(key) is held:
+            mine.depth -= 1
+            if not mine.depth and _held.get(key) is mine:
                 del _held[key]
-                _release(Path(key) / LOCK, held.handle)
+                if mine.handle is not None:
+                    _release(Path(key) / LOCK, mine.handle)
 
 
 def owner(directory: str | Path) -> str | None:
-    """The process that has a directory, in words; None where nobody has."""
+    """The process that has a directory, in words; None where nobody has.
+
+    :data:`UNKNOWN` where the lock cannot be read, or there are none here.
+    """
     path = Path(directory) / LOCK
-    with _guard:
-        if os.path.realpath(directory) in _held:
-            return f"process {os.getpid()}"
-        try:
-            handle = os.open(path, os.O_RDWR | getattr(os, "O_NOFOLLOW", 0))
-        except OSError:
-            return None
-        try:
-            return None if _lock(handle, shared=True) else _name(handle)
-        finally:
-            os.close(handle)
+    held = _held.get(os.path.realpath(directory))
+    if held is not None and held.handle is not None:
+        return f"process {os.getpid()}"
+    try:
+        handle = os.open(path, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0))
+    except FileNotFoundError:
+        return None
+    except OSError:
+        return UNKNOWN
+    try:
+        free = _lock(handle, shared=True)
+        if free is None:
+            return UNKNOWN
+        return None if free else _name(handle)
+    finally:
+        os.close(handle)
 
 
 def _acquire(directory: Path) -> int:
@@ -105,7 +123,7 @@ def _acquire(directory: Path) -> int:
         except OSError as error:
             allowed = f"a directory that can be written to ({reason(error)})"
             raise InputError("out", str(directory), allowed) from None
-        if _lock(handle):
+        if _lock(handle) is not False:
             if _is_at(handle, path):
                 break
             os.close(handle)  # its owner has ended, and taken the file along
@@ -124,7 +142,8 @@ def _acquire(directory: Path) -> int:
 
 def _release(path: Path, handle: int) -> None:
     with contextlib.suppress(OSError):  # Windows removes no file that is open
-        os.unlink(path)
+        if _is_at(handle, path):  # and not another's, where the directory was made anew
+            os.unlink(path)
     os.close(handle)
 
 
@@ -135,8 +154,8 @@ def _is_at(handle: int, path: Path) -> bool:
         return False
 
 
-def _lock(handle: int, shared: bool = False) -> bool:
-    """Whether the lock could be had, or there are none here."""
+def _lock(handle: int, shared: bool = False) -> bool | None:
+    """Whether the lock could be had; None where there are none here."""
     try:
         if os.name == "nt":
             import msvcrt
@@ -149,7 +168,7 @@ def _lock(handle: int, shared: bool = False) -> bool:
 
             fcntl.flock(handle, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
     except OSError as error:
-        return error.errno in _WITHOUT and os.name != "nt"
+        return None if error.errno in _WITHOUT and os.name != "nt" else False
     return True
 
 

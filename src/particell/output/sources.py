@@ -227,7 +227,7 @@ def _roles_in(file: h5py.File, groups: Sequence[str]) -> list[Role]:
     try:
         listed = json.loads(text(file["parameters/run"][()])).get(GROUPS, [])
         found = {role.name: role for role in map(Role.of, listed)}
-    except (KeyError, TypeError, ValueError, AttributeError):
+    except (KeyError, TypeError, ValueError, AttributeError, RecursionError):
         found = {}
     return [found.get(name, Role(name)) for name in groups]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import platform
 import shutil
@@ -59,7 +60,8 @@ class Page:
     def keep(self, row: Row, result: Mapping[str, Any], where: Path) -> None:
         """Take a row over from the page in a directory, and write this page."""
         kept = {key: value for key, value in result.items() if key != "figure"}
-        self._take(row, kept, [where / result["figure"]] if result.get("figure") else [])
+        figures = [where / result["figure"]] if "figure" in result else []
+        self._take(row, kept, [figure for figure in figures if figure.is_file()])
         self._results.append((row, kept))
         self._write()
 
@@ -69,7 +71,8 @@ class Page:
         for path in figures if row in self._drawn else []:
             head = f"{row.kind.name}_{row.slug}_"
             result["figure"] = head + path.name.removeprefix(head)
-            shutil.copyfile(path, self.place / result["figure"])
+            with contextlib.suppress(shutil.SameFileError):  # of this page as it was before
+                shutil.copyfile(path, self.place / result["figure"])
 
     def _write(self) -> None:
         self.place.mkdir(parents=True, exist_ok=True)
@@ -99,13 +102,34 @@ class Before:
         self.place, self.longest = place, longest
         if not (place / RESULTS).is_file():
             raise InputError("before", str(place), f"a page of particell validate ({RESULTS})")
-        self._rows = {row["command"]: row for row in read_json(place / RESULTS, "rows")["rows"]}
+        found = read_json(place / RESULTS, "before")
+        rows = found.get("rows") if isinstance(found, dict) else None
+        if not isinstance(rows, list) or not all(map(_is_row, rows)):
+            raise InputError("before", str(place / RESULTS), "the rows of a page, with their keys")
+        self._rows = {row["command"]: row for row in rows}
 
     def longer(self, row: Row) -> dict[str, Any] | None:
         """The result of a row that took more than ``longest`` minutes then; else None."""
         found = self._rows.get(row.command, {})
         seconds = found.get("performance", {}).get("wall_seconds", 0.0)
         return found if seconds > 60.0 * self.longest else None
+
+
+def _is_row(found: Any) -> bool:
+    """Whether that is the result of a row, as a page holds it."""
+    try:
+        metrics = [Metric(**values) for values in found.get("metrics", {}).values()]
+        numbers = [m.value for m in metrics if m.value is not None]
+        if "performance" in found:
+            numbers += [found["performance"][k] for k in ("particles", "steps", "wall_seconds")]
+        figure = found.get("figure", "x")
+        texts = (found["case"], found["command"], figure)
+        whole = isinstance(found["status"], int) and all(isinstance(x, str) for x in texts)
+    except (AttributeError, LookupError, TypeError):
+        return False
+    # a name, and no path to what belongs to somebody else
+    named = whole and figure == Path(figure).name and figure not in ("", ".", "..")
+    return named and all(isinstance(x, int | float) for x in numbers)
 
 
 def machine() -> str:

@@ -9,7 +9,7 @@ again after every row.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
@@ -20,14 +20,16 @@ import click
 from particell.cases import directories, execution
 from particell.cases.base import Metric
 from particell.errors import InputError
+from particell.exits import INTERRUPTED, complain, guarded
 from particell.output.files import prepare_directory, read_json, write_json
+from particell.output.ownership import owned
 from particell.output.run import CHECKPOINT, OWN_FILES, SUMMARY
+from particell.output.summary import commit
 from particell.validation.page import Before, Page
 from particell.validation.rows import Row, select
 
 #: What a row's directory was made with.
 MARK = "validation.json"
-INTERRUPTED = 130
 
 
 @contextmanager
@@ -45,8 +47,6 @@ def validate(
     full: bool,
     out: Path | None,
     overwrite: bool,
-    guarded: Callable[[Path, Callable[[], int]], int],
-    complain: Callable[[Exception], int],
     before: Path | None = None,
     longest: float = 10.0,
     **options: Any,
@@ -63,8 +63,6 @@ def validate(
         Directory for the rows and the page (``page/index.md``), or None to keep nothing.
     overwrite
         Run finished rows again.
-    guarded, complain
-        How the command line runs something in a directory, and how it says that input is wrong.
     before, longest
         Directory of a page made before: rows that took more than ``longest`` minutes then are taken
         from there.
@@ -77,6 +75,7 @@ def validate(
         The largest exit status of the rows.
     """
     rows = select(names, full)
+    commit()  # of the sources that run, which may be others hours later
     earlier = None if before is None else Before(before, longest)
     command = " ".join(["particell validate", *(["--full"] if full else []), *names])
     status: list[int] = []
@@ -120,6 +119,11 @@ def report(rows: Sequence[Row], status: Sequence[int]) -> None:
 
 def run_row(row: Row, place: Path, overwrite: bool, **options: Any) -> int:
     """Run a row, go on with it, or take its result where it is finished; gives the status."""
+    with owned(prepare_directory(place)):
+        return _run_owned(row, place, overwrite, options)
+
+
+def _run_owned(row: Row, place: Path, overwrite: bool, options: Mapping[str, Any]) -> int:
     case = row.kind(**row.parameters)
     mark = {
         "version": version("particell"),
@@ -130,17 +134,13 @@ def run_row(row: Row, place: Path, overwrite: bool, **options: Any) -> int:
     same = (place / MARK).is_file() and read_json(place / MARK, "mark") == mark
     if same and not overwrite:
         if (place / SUMMARY).is_file():
-            metrics = metrics_of(place)
+            summary = read_json(place / SUMMARY, "summary")
+            metrics = {name: Metric(**values) for name, values in summary["metrics"].items()}
             click.echo(f"{execution.metrics_table(metrics)}\nfinished before, in {place}")
-            return 0 if all(m.passed for m in metrics.values()) else 1
+            healthy = all(found["passed"] for found in summary["health"].values())
+            return 0 if healthy and all(m.passed for m in metrics.values()) else 1
         if (place / CHECKPOINT).is_file():
             return directories.resume(place, progress=options.get("progress", True))
     prepare_directory(place, *OWN_FILES)
     write_json(place / MARK, mark)
     return execution.execute(case, place, overwrite=True, **options)
-
-
-def metrics_of(place: Path) -> dict[str, Metric]:
-    """The metrics that a run has left."""
-    found = read_json(place / SUMMARY, "summary")["metrics"]
-    return {name: Metric(**values) for name, values in found.items()}

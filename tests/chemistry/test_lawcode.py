@@ -166,15 +166,18 @@ def test_laws_are_plain_functions_in_kernels():
 
 
 def test_laws_that_no_compiler_gets_through_are_refused():
-    """Nested too deeply, and written out larger than any memory."""
-    deep = wide = Symbol("A")
-    for _ in range(200):
+    """Nested too deeply, and of too many parts."""
+    deep = shared = Symbol("A")
+    for _ in range(321):
         deep = Call("sin", (deep,))
     for _ in range(60):
-        wide = Operation("+", wide, wide)
-    assert extent(wide) == (2**61 - 1, 61)
-    for tree in (deep, wide):
-        with pytest.raises(InputError, match="at most 20000 parts, nested at most 150 times"):
+        shared = Operation("+", shared, shared)
+    assert extent(shared) == (61, 61)  # computed once each, and not 2^61 times
+    wide = [Call("sin", (Operation("*", Number(float(k)), A),)) for k in range(8192)]
+    while len(wide) > 1:
+        wide = [Operation("+", a, b) for a, b in zip(wide[::2], wide[1::2], strict=True)]
+    for tree in (deep, wide[0]):
+        with pytest.raises(InputError, match="at most 20000 parts, nested at most 320 times"):
             Law(tree).body(["A"])
 
 

@@ -33,7 +33,7 @@ def test_leaves_what_it_promises(tmp_path, capsys):
         *("run-0000", "run-0001", "run-0002", "ensemble.json", "summary.json", "observables.png")
     }
     assert {p.name for p in (out / "run-0001").iterdir()} == {
-        *("case.json", "run.h5", "checkpoint.h5", "summary.json")
+        *("case.json", "run.h5", "checkpoint.h5", "checkpoint-previous.h5", "summary.json")
     }
     summary = json.loads((out / "summary.json").read_text())
     assert summary["case"] == "walk"

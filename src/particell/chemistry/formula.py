@@ -130,7 +130,7 @@ class Call:
 
 Tree = Number | Symbol | Time | Operation | Call
 #: Parts of a formula, at most, and how deep they may be in each other to become a program.
-MOST_PARTS, MOST_DEPTH = 20_000, 150
+MOST_PARTS, MOST_DEPTH = 20_000, 320
 ZERO, ONE = Number(0.0), Number(1.0)
 
 
@@ -192,11 +192,11 @@ def children(tree: Tree) -> tuple[Tree, ...]:
 
 
 def extent(tree: Tree) -> tuple[int, int]:
-    """How many parts a tree has when it is written out, and how deep they are in each other.
+    """How many different parts a tree has, and how deep they are in each other.
 
-    A tree may have parts in common: written out it can be larger than any memory.
+    A tree may have parts in common, which are computed once.
     """
-    found: dict[int, tuple[int, int]] = {}
+    found: dict[int, int] = {}
     waiting = [tree]
     while waiting:
         node = waiting[-1]
@@ -205,10 +205,8 @@ def extent(tree: Tree) -> tuple[int, int]:
             waiting += [child for child in children(node) if id(child) not in found]
             continue
         waiting.pop()
-        sizes = [pair for pair in inner if pair is not None]
-        size = 1 + sum(size for size, _ in sizes)
-        found[id(node)] = size, 1 + max((depth for _, depth in sizes), default=0)
-    return found[id(tree)]
+        found[id(node)] = 1 + max((depth for depth in inner if depth is not None), default=0)
+    return len(found), found[id(tree)]
 
 
 def nodes(tree: Tree) -> Iterator[Tree]:

@@ -103,7 +103,10 @@ class Law:
             for name in symbols(tree):
                 if name not in columns:
                     raise unknown_name("species in a rate law", name, names)
-        return tuple(_Writer(columns, self.molecules).lines(trees))
+        try:
+            return tuple(_Writer(columns, self.molecules).lines(trees))
+        except RecursionError:
+            raise InputError("rate law", "nested too deeply", "nested less deeply") from None
 
     def bind(self, names: Sequence[str]) -> Any:
         """The compiled function for species in this order."""

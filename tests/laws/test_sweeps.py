@@ -83,7 +83,7 @@ def scattered(dim, materials=1, supports=1, seed=1, **scheme):
             name,
             material,
             points,
-            0.6 * 8**dim / number * random.uniform(0.5, 1.5, number // 2),
+            0.3 * 8**dim / number * random.uniform(0.5, 1.5, number // 2),
             velocity=random.normal(size=(number // 2, dim)),
             spacing=spacing,
         )

@@ -20,7 +20,6 @@ from systems import (
     lattice_viscosity,
     lucy_sums,
     periodic_lattice,
-    random_places,
     unit_fluid,
 )
 
@@ -62,11 +61,14 @@ def test_constant_pressure_on_a_lattice_gives_no_force(dim):
 
 
 def scattered(dim, materials=1, supports=1, seed=1, **scheme):
-    """Two interleaved phases of random particles, fast and compressed, in a periodic box."""
+    """Two interleaved phases of uneven particles, fast and compressed, in a periodic box."""
     random = np.random.default_rng(seed)
     domain = Domain((0,) * dim, (8,) * dim, periodic="xyz"[:dim], depth=1.0)
-    number = {1: 8, 2: 100, 3: 400}[dim]
-    places = random_places(random, number, domain, apart=0.2)
+    side = {1: 8, 2: 10, 3: 7}[dim]
+    number = 2 * (side**dim // 2)
+    grid = np.stack(np.meshgrid(*[np.arange(side) + 0.5] * dim, indexing="ij"), -1)
+    places = random.permutation(grid.reshape(-1, dim))[:number]
+    places = 8 / side * (places + random.uniform(-0.3, 0.3, places.shape))
     first = unit_fluid(viscosity=0.3, bulk_viscosity=0.2, temperature=UNIT_TEMPERATURE)
     second = first
     if materials == 2:
@@ -83,7 +85,7 @@ def scattered(dim, materials=1, supports=1, seed=1, **scheme):
             name,
             material,
             points,
-            0.3 * 8**dim / number * random.uniform(0.5, 1.5, number // 2),
+            8**dim / number * random.uniform(0.8, 1.2, number // 2),
             velocity=random.normal(size=(number // 2, dim)),
             spacing=spacing,
         )

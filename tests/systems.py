@@ -170,18 +170,6 @@ def channel(
     )
 
 
-def random_places(random, number: int, domain: Domain, apart: float) -> np.ndarray:
-    """Points (number, D) at random in a periodic box, none nearer to another than ``apart``."""
-    found = np.empty((0, domain.dim))
-    while len(found) < number:
-        new = domain.lower + random.random(domain.dim) * domain.lengths
-        away = found - new
-        away -= domain.lengths * np.rint(away / domain.lengths)
-        if np.all(np.linalg.norm(away, axis=1) >= apart):
-            found = np.concatenate([found, [new]])
-    return found
-
-
 def fluid_rows(simulation: Simulation) -> np.ndarray:
     """Mask, in memory order, of the particles that are no walls."""
     return simulation.particles.host("is_wall") == 0

@@ -74,7 +74,11 @@ def test_fraction_distance_and_direction_over_a_plane(dim):
     random = np.random.default_rng(7)
     points = random.uniform(0, 24, (40, dim))
     points[:, -1] = np.linspace(0.0, 1.5, 40)
-    simulation = wall_below(dim, points, None, dt=1e-9)
+    above = points + 5.0 * np.eye(dim)[-1]  # so near to a wall none may be set up
+    simulation = wall_below(dim, above, None, dt=1e-9)
+    x = simulation.particles.host("x")
+    x[:40] = points
+    simulation.particles.set("x", x)
     simulation.advance(1)
     p = simulation.particles
     assert p.by_id("wall_fraction")[0] == pytest.approx(0.5, abs={2: 5e-3, 3: 1e-2}[dim])

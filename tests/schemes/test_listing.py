@@ -134,7 +134,6 @@ class Branches(pc.Law):
         (Other(), "what Other adds to.*did you mean 'temperature_rate'.*Field.'tempature'"),
         (Misnamed(), "law Misnamed = 'Pair' is not"),
         (Text(), "own of Text"),
-        (Spring(np.ones(3)), "stiffness of Spring"),
         (Three(), "what Three adds to a.*2 components"),
         (Flat(), "what Flat adds to a = 'a number'.*a vector"),
     ],

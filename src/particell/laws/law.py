@@ -68,7 +68,7 @@ class Law:
 
 
 def check_law(law: Any) -> None:
-    """Refuse what is no law, or one that would do nothing, or holds what no loop can read.
+    """Refuse what is no law, or one that would do nothing.
 
     Raises
     ------
@@ -86,16 +86,13 @@ def check_law(law: Any) -> None:
         raise InputError(f"law {kind.__name__}", written, "one with a method 'pair' or 'finish'")
     if isinstance(law.own, str) or not all(isinstance(name, str) for name in law.own):
         raise InputError(f"own of {kind.__name__}", law.own, 'names, such as own = ("weights",)')
-    for name, value in vars(law).items():
-        if isinstance(value, np.ndarray) and value.ndim:
-            allowed = "a number: what differs between particles is a field"
-            raise InputError(f"{name} of {kind.__name__}", value, allowed)
 
 
 def numbers_of(law: Law) -> dict[str, float]:
     """The law's own numbers that may change while it runs: those that are no whole numbers."""
     kinds = (float, np.floating, np.ndarray)
-    return {name: float(v) for name, v in vars(law).items() if isinstance(v, kinds)}
+    found = {name: v for name, v in vars(law).items() if isinstance(v, kinds)}
+    return {name: float(v) for name, v in found.items() if np.ndim(v) == 0}
 
 
 def fixed_of(law: Law) -> dict[str, int]:

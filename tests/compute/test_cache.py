@@ -166,3 +166,20 @@ def test_a_directory_of_a_group_becomes_the_user_s_with_a_line(kept):
     said = double()
     assert len(said) == 1 and "a group could write to" in said[0] and str(place) in said[0]
     assert place.stat().st_mode & 0o777 == 0o700 and double() == []
+
+
+def test_two_processes_that_compile_for_different_types_at_once(tmp_path, monkeypatch):
+    """Neither finds the other's code: both have seen an empty index before either has written."""
+    files = [cache._Files(str(tmp_path), "loop", "stamp") for _ in range(2)]
+    keys = [("float32", "cpu"), ("float64", "cpu")]
+    monkeypatch.setattr(cache._Files, "_load_index", lambda self: {})
+    for own, key in zip(files, keys, strict=True):
+        own.save(key, f"code for {key[0]}")
+    monkeypatch.undo()
+    for own, key in zip(files, keys, strict=True):
+        assert own.load(key) in (None, f"code for {key[0]}")
+        own.save(key, f"code for {key[0]}")
+    assert [files[0].load(key) for key in keys] == ["code for float32", "code for float64"]
+    files[0]._save_index({keys[0]: files[0]._name_of(keys[1])})
+    with pytest.raises(ValueError, match="of other types"):
+        files[0].load(keys[0])

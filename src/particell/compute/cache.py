@@ -185,7 +185,36 @@ class KeptCode(FunctionCache):
 
 
 class _Files(IndexDataCacheFile):
-    """Numba's files, with a digest at their beginning."""
+    """Numba's files, with a digest at their beginning, and the signature in their names.
+
+    Numba numbers the files of a function's signatures. Two processes that compile one function for
+    different types at the same time choose the same number, and who comes later calls the code for
+    one type with arrays of the other.
+    """
+
+    def save(self, key: Any, data: Any) -> None:
+        """Keep the code for a key: the types that it was compiled for, and the processor."""
+        name = self._name_of(key)
+        self._save_data(name, data)
+        overloads = self._load_index()
+        overloads[key] = name
+        self._save_index(overloads)
+
+    def _name_of(self, key: Any) -> str:
+        digest = hashlib.blake2b(repr(key).encode(), digest_size=8).hexdigest()
+        return self._index_name.removesuffix(".nbi") + f".{digest}.nbc"
+
+    def load(self, key: Any) -> Any:
+        """The code for a key, or None."""
+        name = self._load_index().get(key)
+        if name is None:
+            return None
+        if name != self._name_of(key):
+            raise ValueError(f"{name} is of other types")
+        try:
+            return self._load_data(name)
+        except FileNotFoundError:
+            return None
 
     def _load_index(self) -> dict:
         try:

@@ -25,6 +25,7 @@ from particell.output.checkpoint import read_checkpoint
 from particell.output.ownership import LOCK, UNKNOWN, owned, owner
 from particell.output.trajectory import TrajectoryWriter
 from particell.status import read_status
+from small_cases import DIFFUSING_LINE
 from systems import same_bits, unit_fluid
 
 HOLD = """
@@ -489,33 +490,7 @@ def test_names_of_averages(name):
 def test_resume_until(tmp_path, monkeypatch, capsys):
     """On the command line: longer, with metrics and figures of the whole; the case says so too."""
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "my.toml").write_text(
-        """
-[domain]
-lower = [0]
-upper = ["10 um"]
-periodic = "x"
-depth = "1 um"
-[materials.w]
-density = 1000
-viscosity = 1e-3
-[[phases]]
-type = "fluid"
-material = "w"
-spacing = "1 um"
-[scheme]
-type = "Static"
-[[species]]
-name = "A"
-diffusivity = "1 um^2/s"
-[[initial]]
-species = "A"
-concentration = 1
-[run]
-until = 1
-every = 0.5
-"""
-    )
+    (tmp_path / "my.toml").write_text(DIFFUSING_LINE)
     assert call(["run", "my.toml", "--out", "one", "--no-progress"]) == 0
     assert call(["resume", "one", "--until", "2 s", "--no-progress"]) == 0
     assert np.allclose(pc.Run("one").times, [0, 0.5, 1, 1.5, 2])

@@ -16,39 +16,15 @@ from particell import cli, observers
 from particell.cli import call
 from particell.output.run import Run
 from particell.status import read_status
+from small_cases import DIFFUSING_LINE
 from systems import unit_fluid
 
-CASE = """
-[domain]
-lower = [0]
-upper = ["10 um"]
-periodic = "x"
-depth = "1 um"
-[materials.w]
-density = 1000
-viscosity = 1e-3
-[[phases]]
-type = "fluid"
-material = "w"
-spacing = "1 um"
-[scheme]
-type = "Static"
-[[species]]
-name = "A"
-diffusivity = "1 um^2/s"
-[[initial]]
-species = "A"
-concentration = 1
-[run]
-until = 1
-every = 0.5
-"""
 PROGRAM = f"{shlex.quote(sys.executable)} -m particell"
 
 
 @pytest.fixture
 def place(tmp_path, monkeypatch) -> Path:
-    (tmp_path / "my.toml").write_text(CASE)
+    (tmp_path / "my.toml").write_text(DIFFUSING_LINE)
     monkeypatch.chdir(tmp_path)
     return tmp_path
 

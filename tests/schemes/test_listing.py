@@ -209,6 +209,25 @@ def test_whole_numbers_are_part_of_the_loop_and_must_not_change():
         simulation.advance(1)
 
 
+def test_numbers_may_become_whole_numbers():
+    law = Spring(1.0)
+    simulation = two(law)
+    before = simulation.particles.by_id("a")[0, 0]
+    law.stiffness = 3
+    forces(simulation, 0, simulation.dt)
+    assert simulation.particles.by_id("a")[0, 0] == pytest.approx(3 * before, rel=0.01)
+
+
+@pytest.mark.parametrize("value", ["3", None, [3.0], np.array([3.0]), 1j])
+def test_numbers_must_stay_numbers(value):
+    law = Spring(1.0)
+    simulation = two(law)
+    simulation.advance(1)
+    law.stiffness = value
+    with pytest.raises(pc.InputError, match=r"stiffness of Spring, changed, = .* be a number"):
+        simulation.advance(1)
+
+
 class Times(pc.Law):
     """What is not zero beyond the support by itself, times a number."""
 

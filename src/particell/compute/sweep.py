@@ -22,7 +22,7 @@ from particell.compute.forms import form_of
 from particell.compute.generated import load
 from particell.compute.plan import Pass, Plan, Result, sum_symbols
 from particell.errors import InputError, unknown_name
-from particell.laws.law import Law, Values, fixed_of, numbers_of
+from particell.laws.law import Law, Values, fixed_of, number_of, numbers_of
 from particell.sources.source import Names, Pair, Side, Source
 
 #: What laws add.
@@ -74,17 +74,6 @@ class Sweep:
     exact: bool = False
     addable: tuple[str, ...] | None = None
 
-    def numbers(self) -> dict[str, float]:
-        """The laws' and the sources' own numbers, which the loop is given, by name."""
-        found = {
-            f"{_name(law, k)}_{name}": value
-            for k, law in enumerate(self.laws)
-            for name, value in numbers_of(law).items()
-        }
-        for source in self.sources:
-            found |= source.numbers()
-        return found
-
     def _with_symbols(self) -> list[Law]:
         """The laws with symbols for their own numbers: other values are the same loop."""
         found = []
@@ -95,22 +84,6 @@ class Sweep:
                 object.__setattr__(shown, name, known)
             found.append(shown)
         return found
-
-    def check_fixed(self, before: Sequence[Mapping[str, int]]) -> None:
-        """Refuse whole numbers of laws that are others now than when the loop was made.
-
-        Raises
-        ------
-        InputError
-            Naming the law.
-        """
-        for law, old in zip(self.laws, before, strict=True):
-            now = fixed_of(law)
-            if now != old:
-                name = next(n for n in now if now[n] != old.get(n))
-                what = f"{name} of {type(law).__name__}, changed,"
-                allowed = f"{old.get(name)}, as the compiled loop has it: write it as a float"
-                raise InputError(what, now[name], allowed)
 
     def _running(self) -> dict[str, str]:
         """What is kept as it grows, by the sums' full names."""
@@ -365,19 +338,28 @@ class _Bound:
         loops: Mapping[Any, int | None],
         arrays: Mapping[str, Any],
     ):
-        self.own = sweep.numbers if sweep.numbers() else None
-        self._sweep, fixed = sweep, [fixed_of(law) for law in sweep.laws]
-        self._fixed = fixed if any(fixed) else None
+        self.constants = {n: v for source in sweep.sources for n, v in source.numbers().items()}
+        named = [(law, _name(law, k)) for k, law in enumerate(sweep.laws)]
+        self.changing = [
+            (law, name, f"{called}_{name}") for law, called in named for name in numbers_of(law)
+        ]
+        self.fixed = [
+            (law, name, value) for law in sweep.laws for name, value in fixed_of(law).items()
+        ]
         self.parts = [
             (device.bind(loop, arrays), [a for a in loop.arguments if a not in arrays], length)
             for loop, length in loops.items()
         ]
 
     def __call__(self, n: int, **numbers: Any) -> None:
-        if self.own is not None:  # as the laws have them now
-            numbers |= self.own()
-        if self._fixed is not None:
-            self._sweep.check_fixed(self._fixed)
+        numbers |= self.constants
+        for law, name, argument in self.changing:  # as the laws have them now
+            numbers[argument] = number_of(law, name)
+        for law, name, value in self.fixed:
+            if getattr(law, name) != value:
+                what = f"{name} of {type(law).__name__}, changed,"
+                allowed = f"{value}, as the compiled loop has it: write it as a float"
+                raise InputError(what, getattr(law, name), allowed)
         for run, missing, length in self.parts:
             run(n if length is None else length, *(numbers[name] for name in missing))
 

@@ -224,13 +224,17 @@ def _collected(code: types.CodeType) -> Set[str]:
     return found.union(*(_collected(c) for c in code.co_consts if isinstance(c, types.CodeType)))
 
 
+def is_frozen(kind: type) -> bool:
+    """Whether it is a class of frozen data."""
+    return dataclasses.is_dataclass(kind) and kind.__dataclass_params__.frozen  # type: ignore[attr-defined]
+
+
 def _describes(value: Any) -> bool:
     """Whether an object is made of its values: of the user's classes, a frozen one, or a shape."""
     kind = type(value)
     if not hasattr(value, "__dict__"):
         return False
-    frozen = dataclasses.is_dataclass(kind) and kind.__dataclass_params__.frozen  # type: ignore[attr-defined]
-    if frozen or kind.__module__.startswith(f"{_PACKAGE.name}.geometry."):
+    if is_frozen(kind) or kind.__module__.startswith(f"{_PACKAGE.name}.geometry."):
         return True
     file = getattr(sys.modules.get(kind.__module__), "__file__", None)
     if file is None:

@@ -95,8 +95,26 @@ def numbers_of(law: Law) -> dict[str, float]:
     return {name: float(v) for name, v in found.items() if np.ndim(v) == 0}
 
 
+def number_of(law: Law, name: str) -> float:
+    """The law's own number of that name, as it is now.
+
+    Raises
+    ------
+    InputError
+        Where it is no number any more.
+    """
+    value = getattr(law, name, None)
+    if type(value) is float:
+        return value
+    if isinstance(value, (int, np.integer, np.floating, np.ndarray)) and np.ndim(value) == 0:
+        return float(value)
+    raise InputError(f"{name} of {type(law).__name__}, changed,", value, "a number")
+
+
 def fixed_of(law: Law) -> dict[str, int]:
-    """The law's own whole numbers, which are part of its loops."""
+    """The law's own whole numbers that could change, which are part of its loops."""
+    if digest.is_frozen(type(law)):
+        return {}
     kinds = (int, np.integer)
     return {name: int(v) for name, v in vars(law).items() if isinstance(v, kinds)}
 

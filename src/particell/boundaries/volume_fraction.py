@@ -59,7 +59,7 @@ import numpy as np
 from numba import njit
 
 from particell.compute.expressions import Vector, call, sqrt, symbol, where
-from particell.compute.loop import FASTMATH, compiled, particle_loop
+from particell.compute.loop import compiled, particle_loop
 from particell.compute.sweep import Sweep
 from particell.kernels import kernel_code, normalisation, power, shape_w
 from particell.laws.law import Adds, Law
@@ -141,7 +141,7 @@ def fraction_profile(
     return found
 
 
-@njit(error_model="numpy", fastmath=FASTMATH)
+@njit(error_model="numpy")
 def profile_distance(fraction, profile):
     """The distance in supports at which a profile has the value ``fraction``, −1 to 1."""
     low, high = 0, len(profile) - 1
@@ -195,7 +195,7 @@ def measure_walls(dim: int, kernel: int, uniform: bool) -> Sweep:
     return Sweep("measure_walls", (WallMeasure(),), (walls,), names, kernel, uniform)
 
 
-@njit(error_model="numpy", fastmath=FASTMATH)
+@njit(error_model="numpy")
 def surface_motion(
     i,
     ox,

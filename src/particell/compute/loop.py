@@ -32,9 +32,9 @@ from contextlib import contextmanager
 from typing import Any, overload
 
 import numba
-import numpy as np
 from numba import njit
 from numba.core import event
+from numba.core.compiler_lock import global_compiler_lock
 from numba.core.errors import NumbaError
 
 from particell.compute.cache import keep
@@ -53,7 +53,7 @@ LONGEST_TAG = 120
 
 
 class CompileLog:
-    """Seconds spent in the first call of each loop (compiling it, or reading it from the cache)."""
+    """Seconds in which loops were compiled, or read from the disk."""
 
     seconds: float = 0.0
     loops: int = 0
@@ -223,11 +223,12 @@ def _cpu_loop(loop: Loop, constants: dict[str, Any]) -> Callable[..., None]:
         "error_model": "numpy",
         "nogil": True,
     }
-    compiled = njit(**options)(cpu_python(loop, constants))
+    made = njit(**options)(cpu_python(loop, constants))
     keyed = all(hasattr(v, "disk_key") for v in constants.values() if callable(v))
     if _has_module(loop) and keyed:
-        keep(compiled, loop.body.__code__.co_filename)
-    return _timed_first_call(compiled, loop.vectorise)
+        keep(made, loop.body.__code__.co_filename)
+    _compile_alone(made, loop.vectorise)
+    return Shared(made)
 
 
 def _switch_vectorisers(on: bool) -> None:
@@ -236,7 +237,7 @@ def _switch_vectorisers(on: bool) -> None:
 
 
 @contextmanager
-def vectorisers(on: bool, compiled: Any = None) -> Iterator[None]:
+def vectorisers(on: bool, compiled: Any) -> Iterator[None]:
     """Switch LLVM's vectorisers; off, gathers are avoided and compiling is faster.
 
     On, they are so for the loop ``compiled`` alone: the helper functions that are compiled on the
@@ -246,10 +247,7 @@ def vectorisers(on: bool, compiled: Any = None) -> Iterator[None]:
     before = config.LOOP_VECTORIZE, config.SLP_VECTORIZE
     _switch_vectorisers(on)
     try:
-        if on:
-            with event.install_listener("numba:compile", _PlainHelpers(compiled)):
-                yield
-        else:
+        with event.install_listener("numba:compile", _PlainHelpers(compiled, on)):
             yield
     finally:
         config.LOOP_VECTORIZE, config.SLP_VECTORIZE = before
@@ -271,46 +269,51 @@ def no_collector() -> Iterator[None]:
 
 
 class _PlainHelpers(event.Listener):
-    """While a vectorised loop is compiled: its helpers without vectorisers and re-association.
+    """While a loop is compiled: its helpers without vectorisers and re-association.
 
-    A helper without options of its own would inherit those of the first loop that calls it.
+    A helper without options of its own would inherit those of the first loop that calls it, in
+    whose process all others would get it as it is. What it is given here it has for that long
+    only: on a GPU any such option means all of them.
     """
 
-    def __init__(self, loop: Any):
-        self.loop = loop
+    def __init__(self, loop: Any, vectorise: bool):
+        self.loop, self.vectorise = loop, vectorise
+        self.given: list[bool] = []
 
     def on_start(self, happened: event.Event) -> None:
         helper = happened.data["dispatcher"]
         if helper is not self.loop:
+            self.given.append("fastmath" not in helper.targetoptions)
             helper.targetoptions.setdefault("fastmath", FASTMATH)
             _switch_vectorisers(False)
 
     def on_end(self, happened: event.Event) -> None:
-        if happened.data["dispatcher"] is not self.loop:
-            _switch_vectorisers(True)
+        helper = happened.data["dispatcher"]
+        if helper is not self.loop:
+            if self.given.pop():
+                del helper.targetoptions["fastmath"]
+            _switch_vectorisers(self.vectorise and not self.given)
 
 
-def _timed_first_call(compiled: Callable[..., None], vectorise: bool) -> Callable[..., None]:
-    """Count the seconds of the first call, in which the loop is compiled or read from the cache."""
-    fresh = True
-    shared = Shared(compiled)
+def _compile_alone(made: Any, vectorise: bool) -> None:
+    """Let a loop be compiled under its own options, for each types of arguments that it meets.
 
-    def call(n: int, *args: Any) -> None:
-        nonlocal fresh
-        if not fresh:
-            shared(n, *args)
-            return
-        fresh = False
+    Seconds in which it is compiled, or read from the disk, are counted.
+    """
+    plain = made.compile
+
+    def compile_for(signature: Any) -> Any:
         begin = time.perf_counter()
-        with vectorisers(vectorise, compiled), no_collector():
+        with global_compiler_lock, vectorisers(vectorise, made), no_collector():
             try:
-                compiled(np.uint64(0), np.uint64(n), np.uint64(0), *args)
+                return plain(signature)
             except NumbaError as error:
-                raise _not_compiled(compiled, error) from error
-        CompileLog.seconds += time.perf_counter() - begin
-        CompileLog.loops += 1
+                raise _not_compiled(made, error) from error
+            finally:
+                CompileLog.seconds += time.perf_counter() - begin
+                CompileLog.loops += 1
 
-    return call
+    made.compile = compile_for
 
 
 def _not_compiled(compiled: Any, error: NumbaError) -> InputError:
@@ -364,4 +367,5 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile a serial host function (sorting, prefix sums), cached on disk like the loops."""
     made = njit(fastmath=FASTMATH, error_model="numpy", nogil=True)(function)
     keep(made, function.__code__.co_filename)
+    _compile_alone(made, vectorise=False)
     return made

@@ -11,11 +11,11 @@ from numba import njit
 _WHOLE = 6755399441055744.0
 
 
-@njit
+@njit(fastmath=False)  # re-association would cancel the sum, and leave s
 def nearest_integer(s):
     """The whole number nearest to s for abs(s) < 2**51, as a float (``rint``; NaN stays NaN).
 
-    CUDA has no ``numpy.rint``. Only for loops without re-association, which would cancel the sums.
+    CUDA has no ``numpy.rint``.
     """
     return (s + _WHOLE) - _WHOLE
 

@@ -130,7 +130,7 @@ class Shared:
 
     def __init__(self, piece: Callable[..., None]):
         self.piece = piece
-        self.calls = 0
+        self.called, self.calls = False, 0
         # seconds a particle, as measured: on one thread, and on several
         self.alone, self.together = 0.0, 0.0
 
@@ -142,7 +142,8 @@ class Shared:
             self.piece(NONE, np.uint64(n), NONE, *arguments)
         else:
             self._on_threads(threads, n, arguments)
-        if n > 0:
+        first, self.called = not self.called, True
+        if n > 0 and not first:  # in which it is compiled
             seconds = (perf_counter() - begin) / n
             if threads == 1:
                 self.alone += RECENT * (seconds - self.alone)

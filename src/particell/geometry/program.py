@@ -14,7 +14,6 @@ from collections.abc import Sequence
 import numpy as np
 from numba import njit
 
-from particell.compute.loop import FASTMATH
 from particell.geometry.shapes import Ball, Box, HalfSpace, Shape, _Combined, _Complement
 
 PLANE, BALL, BOX, UNION, INTERSECTION, COMPLEMENT = range(6)
@@ -74,7 +73,7 @@ def program_table(
     return np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64), codes, numbers
 
 
-@njit(error_model="numpy", fastmath=FASTMATH)
+@njit(error_model="numpy")
 def program_distance(px, py, pz, begin, end, codes, numbers, DIM):
     """Signed distance of the point p by the instructions ``begin`` to ``end``."""
     top, second, third, fourth = 0.0, 0.0, 0.0, 0.0

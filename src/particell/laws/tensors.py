@@ -9,13 +9,11 @@ import math
 
 from numba import njit
 
-from particell.compute.loop import FASTMATH
-
 #: Sweeps of Jacobi's rotations; three are enough for round-off.
 _SWEEPS = 6
 
 
-@njit(error_model="numpy", fastmath=FASTMATH)
+@njit(error_model="numpy")
 def turn(one, other, mixed):
     """Cosine, sine and tangent of the Jacobi rotation that makes ``mixed`` vanish."""
     if mixed == 0.0:
@@ -28,7 +26,7 @@ def turn(one, other, mixed):
     return c, t * c, t
 
 
-@njit(error_model="numpy", fastmath=FASTMATH)
+@njit(error_model="numpy")
 def carried(xx, yy, zz, xy, yz, zx, least):
     """Projector on the eigenvectors of a symmetric tensor whose eigenvalues are above ``least``.
 
@@ -69,13 +67,13 @@ def carried(xx, yy, zz, xy, yz, zx, least):
     )
 
 
-@njit(error_model="numpy", fastmath=FASTMATH)
+@njit(error_model="numpy")
 def times(xx, yy, zz, xy, yz, zx, x, y, z):
     """Symmetric tensor times vector."""
     return xx * x + xy * y + zx * z, xy * x + yy * y + yz * z, zx * x + yz * y + zz * z
 
 
-@njit(error_model="numpy", fastmath=FASTMATH)
+@njit(error_model="numpy")
 def within(p, xx, yy, zz, xy, yz, zx):
     """Π R Π for a projector p (components as in :func:`carried`), without its trace."""
     ax, ay, az = times(xx, yy, zz, xy, yz, zx, p[0], p[3], p[5])
@@ -95,7 +93,7 @@ def within(p, xx, yy, zz, xy, yz, zx):
     )
 
 
-@njit(error_model="numpy", fastmath=FASTMATH)
+@njit(error_model="numpy")
 def is_thin(xx, yy, zz, xy, yz, zx, least, DIM):
     """Whether an eigenvalue is at most ``least``: the shifted tensor is not positive definite."""
     x, y = xx - least, yy - least
@@ -107,7 +105,7 @@ def is_thin(xx, yy, zz, xy, yz, zx, least, DIM):
     return not (x > 0.0 and minor > 0.0 and last > 0.0)
 
 
-@njit(error_model="numpy", fastmath=FASTMATH)
+@njit(error_model="numpy")
 def factorise(moments, first, number, shift):
     """Cholesky factor of a packed symmetric matrix plus a shift, in place."""
     for a in range(number):
@@ -125,7 +123,7 @@ def factorise(moments, first, number, shift):
                 moments[row + b] = total / moments[column + b]
 
 
-@njit(error_model="numpy", fastmath=FASTMATH)
+@njit(error_model="numpy")
 def substitute(moments, first, right, number):
     """Solve with the factor of :func:`factorise`; ``right`` is where the right-hand side is."""
     for a in range(number):

@@ -16,7 +16,9 @@ from __future__ import annotations
 
 import argparse
 import math
+import sys
 import time
+import traceback
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -101,6 +103,12 @@ class Written:
         if self.path:
             write_json(Path(self.path), self.found)
 
+    def fail(self, what: str, error: Exception) -> None:
+        """Keep that something failed, and say where."""
+        traceback.print_exception(error)
+        print(f"{what}: FAILED", flush=True)
+        self.put(failed=[*self.found.get("failed", []), f"{what}: {type(error).__name__}: {error}"])
+
 
 def gap(one: pc.Simulation, other: pc.Simulation, names: Any) -> tuple[float, str]:
     """Largest difference of fields relative to their largest values, and whose it is."""
@@ -139,7 +147,11 @@ def agreement(written: Written, dry: bool) -> None:
         for precision in ("float64", "float32"):
             if (dry and found) or (precision == "float32" and make is channel):
                 continue
-            rows = compared(make, 1 if dry else 5, precision)
+            try:
+                rows = compared(make, 1 if dry else 5, precision)
+            except Exception as error:  # the others are worth knowing still
+                written.fail(f"{label}, {precision}", error)
+                continue
             found[f"{label}, {precision}"] = rows
             written.put(agreement=found)
             shown = ", ".join(f"{what} {gap:.1e} ({name})" for what, (gap, name) in rows.items())
@@ -231,7 +243,11 @@ def speeds(written: Written, until: float, dry: bool) -> None:
                 for precision in precisions:
                     if k >= len(edges) or time.monotonic() > until:
                         continue
-                    row = measured(dim, edges[k], noise, precision, copies)
+                    try:
+                        row = measured(dim, edges[k], noise, precision, copies)
+                    except Exception as error:
+                        written.fail(f"{dim}D, {edges[k]}, {noise=}, {precision}", error)
+                        continue
                     rows.append(row)
                     written.put(speed=rows)
                     parts = ("sweep", "decision", "sort", "list", "step")
@@ -244,8 +260,8 @@ def speeds(written: Written, until: float, dry: bool) -> None:
                     )
 
 
-def main() -> None:
-    """Compare, measure, print."""
+def main() -> int:
+    """Compare, measure, print; 1 where something failed."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", choices=["agreement", "speed"])
     parser.add_argument("--seconds", type=float, default=330)
@@ -260,7 +276,8 @@ def main() -> None:
         agreement(written, options.dry)
     if options.only != "agreement":
         speeds(written, until, options.dry)
+    return int("failed" in written.found)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -11,6 +11,30 @@ IN_SPACE = [
     for scheme in ("sdpd", "transport velocity")
 ]
 LONG = (
+    "tests/boundaries/test_impenetrable.py::test_nothing_is_ever_inside_walls_at_rest[slab-Transport",
+    "tests/boundaries/test_impenetrable.py::test_nothing_is_ever_inside_walls_that_move_in_space[plate",
+    "tests/boundaries/test_mirror.py::test_the_profile_of_half_a_channel",
+    "tests/boundaries/test_volume_fraction.py::test_bounce_back_from_a_wall_that_accelerates[3]",
+    "tests/boundaries/test_wall.py::test_friction_beside_a_plane_is_exact_for_a_parabola[3-normal",
+    "tests/boundaries/test_wall_friction.py::test_equipartition_is_exact_beside_walls_whatever_the"
+    "_step[3-",
+    "tests/cases/test_drag_array.py::test_drag_is_right[sphere 3 transport-velocity",
+    "tests/cases/test_effective_diffusivity.py::test_normalised_diffusivity_is_right_on_every"
+    "_arrangement[3-square-1.8",
+    "tests/chemistry/test_running_out.py::test_nothing_is_left_of_what_ran_out[4.0-0.0-0.3-None",
+    "tests/chemistry/test_running_out.py::test_nothing_is_left_of_what_ran_out[5.0-0.0-0.3-1e-06",
+    "tests/compute/test_cuda_list.py::test_lists_of_a_gpu[decisions",
+    *(
+        f"tests/compute/test_cuda_simulator.py::test_cuda_gives_what_the_cpu_gives[{system}]"
+        for system in ("noisy", "hot_walls_in_space", "trapezoidal", "species", "plates", "mirror")
+    ),
+    "tests/laws/test_images.py::test_a_mirror[1]",
+    "tests/laws/test_images.py::test_a_mirror[3]",
+    "tests/laws/test_sweeps.py::test_divergence_of_a_linear_field[1]",
+    "tests/laws/test_sweeps.py::test_momentum_of_two_materials_of_two_resolutions[3]",
+    "tests/physics/test_hydrostatic_rest.py::test_a_restart_under_gravity_gives_the_same_bits[SDPD",
+    "tests/schemes/test_step_limits.py::test_a_law_of_the_user_s_limits_the_step[quintic spline",
+    "tests/schemes/test_step_limits.py::test_a_law_of_the_user_s_limits_the_step[trapezoidal",
     "tests/analysis/test_bounded.py::test_linear_between_plates_and_at_them[2]",
     "tests/boundaries/test_impenetrable.py::test_nothing_is_ever_inside_walls_at_rest_in_space",
     "tests/boundaries/test_impenetrable.py::test_walls_without_a_known_surface",

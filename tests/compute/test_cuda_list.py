@@ -1,10 +1,12 @@
 """Neighbour lists made on a GPU are those of the CPU.
 
-As a script (``PYTHONPATH=tests python tests/compute/test_cuda_list.py``) it runs on the GPU at
-hand; as a test on Numba's CUDA simulator, in a process of its own.
+As a script (``PYTHONPATH=tests python tests/compute/test_cuda_list.py [CHECK...]``) it runs on the
+GPU at hand; as a test on Numba's CUDA simulator, in a process of its own.
 """
 
 from __future__ import annotations
+
+import sys
 
 import numpy as np
 import pytest
@@ -136,12 +138,14 @@ CHECKS = (
 )
 
 
-def test_lists_of_a_gpu():
+@pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.__name__)
+def test_lists_of_a_gpu(check):
     pytest.importorskip("numba.cuda", reason="numba.cuda is missing")
-    assert lines_on_simulator(__file__) == [check.__name__ for check in CHECKS]
+    assert lines_on_simulator(__file__, check.__name__) == [check.__name__]
 
 
 if __name__ == "__main__":
     for check in CHECKS:
-        check(Device("cuda"))
-        print(check.__name__, flush=True)
+        if check.__name__ in (sys.argv[1:] or [check.__name__]):
+            check(Device("cuda"))
+            print(check.__name__, flush=True)

@@ -1,10 +1,12 @@
 """Small runs on CUDA give what they give on a CPU, to round-off.
 
-As a script (``PYTHONPATH=tests python tests/compute/test_cuda_simulator.py``) it runs on the GPU at
-hand; as a test on Numba's CUDA simulator, in a process of its own.
+As a script (``PYTHONPATH=tests python tests/compute/test_cuda_simulator.py [SYSTEM...]``) it runs
+on the GPU at hand; as a test on Numba's CUDA simulator, in a process of its own.
 """
 
 from __future__ import annotations
+
+import sys
 
 import numpy as np
 import pytest
@@ -156,11 +158,13 @@ def agree(make):
     print(make.__name__, "agrees", flush=True)
 
 
-def test_cuda_gives_what_the_cpu_gives():
+@pytest.mark.parametrize("make", SYSTEMS, ids=lambda make: make.__name__)
+def test_cuda_gives_what_the_cpu_gives(make):
     pytest.importorskip("numba.cuda", reason="numba.cuda is missing")
-    assert lines_on_simulator(__file__) == [f"{make.__name__} agrees" for make in SYSTEMS]
+    assert lines_on_simulator(__file__, make.__name__) == [f"{make.__name__} agrees"]
 
 
 if __name__ == "__main__":
     for make in SYSTEMS:
-        agree(make)
+        if make.__name__ in (sys.argv[1:] or [make.__name__]):
+            agree(make)

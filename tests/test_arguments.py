@@ -232,7 +232,8 @@ ELSEWHERE = {
     "SBMLModel",
     "read_sbml",
 }
-ELSEWHERE |= {"Ensemble", "EnsembleInterrupted", "EnsembleRun", "export_vtkhdf"}
+ELSEWHERE |= {"Ensemble", "EnsembleInterrupted", "EnsembleRun"}
+ELSEWHERE |= {"export_h5md", "export_vtkhdf"}
 
 #: Numbers that may be negative (and zero), and that may be zero.
 COORDINATES = {"start", "end", "lower", "upper", "center", "point", "normal", "points", "fixed"}

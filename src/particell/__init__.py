@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from particell.operations.every import Every
     from particell.operations.operation import Operation, When
     from particell.output.export import export_vtkhdf
+    from particell.output.export_h5md import export_h5md
     from particell.output.run import Run
     from particell.phases import Phase, box_walls, channel_walls, fluid
     from particell.schemes.sdpd import SDPD
@@ -100,6 +101,7 @@ _HOME = {
     "box_walls": "phases",
     "channel_walls": "phases",
     "equilibrated": "equilibrated",
+    "export_h5md": "output.export_h5md",
     "export_vtkhdf": "output.export",
     "fluid": "phases",
     "jittered": "geometry.fill",
@@ -157,6 +159,7 @@ __all__ = [
     "box_walls",
     "channel_walls",
     "equilibrated",
+    "export_h5md",
     "export_vtkhdf",
     "fluid",
     "jittered",

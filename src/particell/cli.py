@@ -229,14 +229,18 @@ def plot(directory: Path, kind: str | None) -> int:
 
 @cli.command()
 @click.argument("directory", type=click.Path(path_type=Path))
-@click.option("--to", "kind", type=click.Choice(["vtkhdf"]), default="vtkhdf", show_default=True)
+@click.option(
+    "--to", "kind", type=click.Choice(["vtkhdf", "h5md"]), default="vtkhdf", show_default=True
+)
 @click.option("--out", type=click.Path(path_type=Path), help="File (default: in DIRECTORY).")
 def export(directory: Path, kind: str, out: Path | None) -> int:
-    """Export the run in DIRECTORY, for ParaView."""
+    """Export the run in DIRECTORY: for ParaView (vtkhdf), or MDAnalysis (h5md, in nm)."""
     from particell.output.export import export_vtkhdf
+    from particell.output.export_h5md import export_h5md
     from particell.output.run import Run
 
-    click.echo(export_vtkhdf(Run(directory), out or directory / f"run.{kind}"))
+    write = {"vtkhdf": export_vtkhdf, "h5md": export_h5md}[kind]
+    click.echo(write(Run(directory), out or directory / f"run.{kind}"))
     return 0
 
 

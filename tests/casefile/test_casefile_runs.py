@@ -104,6 +104,7 @@ ELSEWHERE = {
     "Simulation": "the file itself: test_tables_of_the_simulation",
     "Device": "options of the command line",
     "Ensemble": "particell ensemble",
+    "export_h5md": "particell export",
     "export_vtkhdf": "particell export",
     **dict.fromkeys(("Run", "EnsembleRun"), "what is read afterwards"),
     "SBMLModel": "what read_sbml gives",

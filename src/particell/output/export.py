@@ -98,9 +98,9 @@ def _write_fields(root: h5py.Group, run: Recorded, frames: int, n: int) -> None:
         data.create_dataset(vtk_name(name), (frames * n, *tail), dtype)
     for k in range(frames):
         rows = slice(k * n, (k + 1) * n)
-        points[rows] = _three_columns(run.source.read("position", k))
+        points[rows] = three_columns(run.source.read("position", k))
         for name in names:
-            data[vtk_name(name)][rows] = _three_columns(run.source.read(name, k))
+            data[vtk_name(name)][rows] = three_columns(run.source.read(name, k))
 
 
 def _write_steps(root: h5py.Group, times: np.ndarray, n: int) -> None:
@@ -126,7 +126,8 @@ def vtk_name(name: str) -> str:
     return name.replace("/", "_")
 
 
-def _three_columns(values: np.ndarray) -> np.ndarray:
+def three_columns(values: np.ndarray) -> np.ndarray:
+    """Vectors of a line or a plane as vectors in space; numbers as they are."""
     if values.ndim == 1:
         return values
     padded = np.zeros((len(values), 3), values.dtype)

@@ -13,7 +13,7 @@ import h5py
 import numpy as np
 import pytest
 
-from particell import cases
+from particell import bench, cases
 from particell.cli import call
 from particell.health import Finding
 from particell.output.ownership import LOCK, owned
@@ -287,3 +287,25 @@ def test_command_line_starts_without_the_compiler():
     code = "import sys, particell.cli; print({'numba', 'pint', 'matplotlib'} & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "set()"
+
+
+@pytest.mark.parametrize("dims", ["2D", "2D and 3D"])
+def test_bench_measures_all_that_it_names(dims, tmp_path, capsys, monkeypatch):
+    """With a few particles and steps. Loops in space take long to compile: twice the plane then."""
+    monkeypatch.setattr(bench, "SIZE", {2: 12, 3: 8})
+    monkeypatch.setattr(bench, "STEPS", {2: 2, 3: 1})
+    monkeypatch.setattr(bench, "best_time", lambda work, repeats=1: (work(), 1e-3)[1])
+    monkeypatch.setattr(bench, "set_threads", lambda number: 1)
+    if dims == "2D":
+        flow = bench.flow_entries
+        monkeypatch.setattr(bench, "flow_entries", lambda dim, threads: flow(2, threads))
+    assert particell("bench --json bench.json") == 0
+    rows = json.loads((tmp_path / "bench.json").read_text(encoding="utf-8"))
+    printed = capsys.readouterr().out.splitlines()
+    assert len(rows) == len(printed) == 12
+    assert all(line.startswith(row["name"]) for row, line in zip(rows, printed, strict=True))
+    assert all(row["per_second"] > 0 and 0 < row["listed"] < 300 for row in rows)
+    assert (rows[0]["particles"], rows[3]["particles"]) == (144, 144 if dims == "2D" else 512)
+    assert [row["name"] for row in rows if "jumps_per_second" in row] == [
+        f"diffusion of molecules, {number} a particle" for number in (20, 200, 2000)
+    ]

@@ -8,6 +8,7 @@ import pytest
 from particell.boundaries.reflection import Reflection
 from particell.boundaries.sponge import Sponge
 from particell.chemistry.reactions import Reaction
+from particell.chemistry.reservoirs import FixedValueWall
 from particell.chemistry.species import Species
 from particell.compute.threads import set_threads
 from particell.errors import InputError, Interrupted, RunError
@@ -16,6 +17,7 @@ from particell.geometry.shapes import HalfSpace
 from particell.output.checkpoint import read_checkpoint, write_checkpoint
 from particell.phases import Phase, channel_walls, fluid
 from particell.schemes.sdpd import SDPD
+from particell.schemes.static import Static
 from particell.simulation import Simulation
 from systems import UNIT_TEMPERATURE, channel, periodic_lattice, same_bits, unit_fluid
 
@@ -91,6 +93,45 @@ def test_restart_refuses_other_simulations():
     for other in (noisy_fluid(seed=2), noisy_channel()):
         with pytest.raises(InputError, match="checkpoint"):
             other.restore(state)
+
+
+def test_a_continuation_takes_the_step_of_the_speed_that_the_flow_has_reached():
+    first, second = (periodic_lattice(8, 2) for _ in range(2))
+    slow = first.plan(1.0)
+    assert first.timing.outran(2.0 * first.materials[0].sound_speed)
+    second.restore(first.state())
+    assert second.plan(1.0) == first.plan(1.0) > slow
+    assert second.dt == first.dt
+
+
+def test_observables_are_sums_over_what_moves_in_the_whole_depth():
+    """24 particles of 2 kg/m³ · 1 m² · 0.5 m at (3, 4) m/s between walls that slide."""
+    domain = Domain((0, 0), (6, 4), periodic="x", depth=0.5)
+    material = unit_fluid(density=2.0)
+    inside = fluid(domain, material, 1.0, velocity=(3.0, 4.0))
+    walls = channel_walls(domain, material, 1.0, axis=1, velocity=((1.0, 0.0), None))
+    found = Simulation(domain, [inside, *walls], SDPD(support=2.0)).observables()
+    assert found["kinetic_energy"] == pytest.approx(0.5 * 24 * 25, rel=1e-14)
+    assert found["momentum_x"] == pytest.approx(24 * 3, rel=1e-14)
+    assert found["momentum_y"] == pytest.approx(24 * 4, rel=1e-14)
+    assert found["largest_speed"] == 5.0
+
+
+def test_what_comes_in_counts_in_the_whole_depth():
+    """Through a wall, into a plane of 0.5 m: what the particles hold then, to round-off."""
+    domain = Domain((0, 0), (6, 4), periodic="x", depth=0.5)
+    material = unit_fluid()
+    phases = [fluid(domain, material, 1.0), *channel_walls(domain, material, 1.0, axis=1)]
+    wall, species = FixedValueWall("wall-lower", {"A": 2.0}), [Species("A", 0.1)]
+    simulation = Simulation(domain, phases, Static(support=2.0), species, boundaries=[wall])
+    simulation.advance(20)
+    inside = simulation.particles.by_id("is_wall") == 0
+    held = 0.5 * simulation.frame()["concentration/A"][inside].sum()
+    found = simulation.observables()
+    assert held > 0.1
+    assert found["amount_A"] == pytest.approx(held, rel=1e-13)
+    assert found["inflow_A"] == pytest.approx(held, rel=1e-12)
+    assert simulation.frame()["inflow/A"].sum() == pytest.approx(held, rel=1e-12)
 
 
 @pytest.mark.usefixtures("always_shared")

@@ -51,6 +51,17 @@ def test_fired_at_a_circle(inside):
     assert np.linalg.norm(v, axis=1) == pytest.approx(speed, rel=1e-12)
 
 
+@pytest.mark.parametrize("inside", [False, True])
+def test_at_a_circle_the_normal_velocity_is_turned(inside):
+    """At the place in the direction n = (3, 4)/5 that it would be at: v − 2 (v·n) n."""
+    side = 1.0 if inside else -1.0
+    v = side * np.array([[1.0, 2.0]])
+    x = (1.0 + 0.1 * side) * np.array([[0.6, 0.8]]) - 0.1 * v
+    assert fire([Reflection(Circle((0, 0), 1.0), inside=inside)], x, v, 1, 0.1)[0] == 1
+    assert v == pytest.approx(side * np.array([[-1.64, -1.52]]), rel=1e-14)
+    assert x == pytest.approx((1.0 - 0.1 * side) * np.array([[0.6, 0.8]]), rel=1e-14)
+
+
 def test_periodic_image_of_a_circle_reflects():
     x, v = np.array([[9.0, 0.5]]), np.array([[1.0, 0.0]])
     count = fire([Reflection(Circle((0.5, 0.5), 1.0))], x, v, 20, 0.1, period=(10.0, 0.0))

@@ -170,3 +170,16 @@ def test_one_and_two_threads_give_the_same_bits_and_resume_too():
     again.advance(10)
     assert same_bits(again, found[0]) == []
     assert carriage(again).crossings == carriage(found[0]).crossings > (0, 0)
+
+
+def test_a_continuation_counts_on():
+    """What was to cross, and what was not met, so far; with particles that hold nothing."""
+    first, second = (system(12, [MOLECULES]) for _ in range(2))
+    first.start()
+    count = np.zeros((len(first.particles), 1), np.int64)
+    count[::2] = 1000
+    first.particles.set("count", count)
+    shifted(first)
+    second.restore(first.state())
+    assert carriage(second).crossings == carriage(first).crossings
+    assert min(carriage(second).crossings) > 0

@@ -38,6 +38,23 @@ def test_the_sum_is_that_of_the_law_and_pushes_back():
     np.testing.assert_allclose(shift.sum(axis=0), 0.0, atol=1e-12)
 
 
+def test_each_of_a_pair_counts_with_its_own_volume():
+    """At scattered densities: Σ (V_i² + V_j²) F x_ij, V = m/ρ."""
+    sim = lattice(1.0, 0.02)
+    density = np.random.default_rng(4).uniform(0.7, 1.3, 100)
+    sim.particles.set("density", density)
+    sim.start()
+    x, volume = sim.particles.by_id("x"), 0.01 / sim.particles.by_id("density")
+    assert np.ptp(volume) > 0.005
+    offset = x[45] - np.delete(x, 45, axis=0)
+    offset -= np.rint(offset)
+    r = np.linalg.norm(offset, axis=1)
+    f = normalisation(0, 2) / 0.24**4 * np.array([shape_f(q, 0) for q in r / 0.24])
+    both = volume[45] ** 2 + np.delete(volume, 45) ** 2
+    expected = ((both * f)[:, None] * offset).sum(axis=0)
+    np.testing.assert_allclose(sim.particles.by_id("shift")[45], expected, rtol=1e-9)
+
+
 def test_momentum_is_conserved_and_the_displaced_particle_goes_half_way_back():
     sim = lattice(1.0, 0.02)
     sim.advance(400)

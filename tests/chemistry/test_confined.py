@@ -69,13 +69,14 @@ def system(points, volumes, support, period, species=None, boundaries=(), group=
 
 def rates(chem):
     """Weights of the engine over κ, spacings as units of length: (n, n), and volumes (n,)."""
-    if not chem._measured:
+    if not chem._diffusion.measured:
         chem.step(0, 1e-9)
     p, rows = chem.particles, chem.neighbours.fields
     weights = np.zeros((p.n, p.n))
+    exchange = chem._diffusion.exchanges[0].fields["exchange"]
     for i in range(p.n):
         row = slice(rows["start"][i], rows["stop"][i])
-        np.add.at(weights[i], rows["neighbours"][row], chem._exchanges[0].fields["exchange"][row])
+        np.add.at(weights[i], rows["neighbours"][row], exchange[row])
     volume = p.host("mass") / p.host("density")
     return weights * SPACING ** (2 - p.dim), volume / SPACING**p.dim
 
@@ -91,7 +92,7 @@ def slowest(chem, number=1):
     root = 1 / np.sqrt(volume)
     matrix = (np.diag(weights.sum(axis=1)) - weights) * root[:, None] * root[None, :]
     found = np.linalg.eigvalsh(matrix)
-    bound = chem._exchanges[0].rate * SPACING**2 / KAPPA
+    bound = chem._diffusion.exchanges[0].rate * SPACING**2 / KAPPA
     assert found[-1] <= bound * (1 + 1e-9)  # what explicit steps follow
     return found[1 : number + 1]
 

@@ -54,7 +54,7 @@ def in_both_forms(simulation, sweep, fields, written, **numbers):
 
 def test_both_forms_agree(layer):
     chemistry, groups = layer.chemistry, len(layer.particles.groups)
-    exchange = chemistry._exchanges[0]
+    exchange = chemistry._diffusion.exchanges[0]
     exchange._slopes(len(layer.particles))
     weights = carrier_weights(2, 0, groups, normalise=True, walls=True)
     in_both_forms(layer, weights, exchange._all, ("exchange", "row_rate"))
@@ -62,7 +62,7 @@ def test_both_forms_agree(layer):
     for column in range(2):
         sweep, written = diffuse(2, 0, groups, True, False), ("amount", "amount_booked")
         in_both_forms(layer, sweep, exchange._all, written, column=column, tau=0.01)
-    (walks,) = chemistry._walks
+    (walks,) = chemistry._diffusion.walks
     written = ("cumulative", "leave_rate", "inflow")
     in_both_forms(layer, jump_rates(2, 0, groups, True, False), walks._fields, written)
 

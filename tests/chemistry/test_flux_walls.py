@@ -60,7 +60,7 @@ def test_what_enters_is_flux_times_area_times_time(wall_lattice):
     chem = make(wall_lattice(disturb=0.15), species, boundaries)
     tau = 0.4 * chem.limits()["diffusion of concentrations"]
     chem.step(0, tau)
-    area = chem._areas[1]  # layers that are disturbed too: near the height of the box
+    area = chem._diffusion.areas[1]  # layers that are disturbed too: near the height of the box
     assert area == pytest.approx(HEIGHT, rel=0.05)
     for step in range(1, 40):
         chem.step(step, tau)
@@ -74,7 +74,7 @@ def test_area_is_exact_for_layers_and_can_be_given(wall_lattice):
     wall = FluxWall("left", flux={"A": FLUX})
     chem = make(wall_lattice(), [Species("A", KAPPA)], [wall])
     chem.step(0, 1e-5)
-    assert chem._areas[1] == pytest.approx(HEIGHT, rel=1e-12)
+    assert chem._diffusion.areas[1] == pytest.approx(HEIGHT, rel=1e-12)
     given = FluxWall("left", flux={"A": FLUX}, area=0.5 * HEIGHT * 1e-6)
     chem = make(wall_lattice(), [Species("A", KAPPA)], [given])
     chem.step(0, 1e-5)

@@ -8,27 +8,18 @@ from typing import Any
 
 import numpy as np
 
-from particell.chemistry import fluxes, hybrid, jumps, massaction, reservoirs, ssa
+from particell.chemistry import fluxes, jumps, reservoirs
 from particell.chemistry.contents import Contents
-from particell.chemistry.exchange import exchanges, weight_fields
-from particell.chemistry.integrators import MOST_SUBSTEPS
-from particell.chemistry.lawcode import dispatcher
+from particell.chemistry.diffusion import Diffusion
+from particell.chemistry.exchange import weight_fields
+from particell.chemistry.joint import couples
+from particell.chemistry.kinetics import Kinetics
 from particell.chemistry.network import Boundaries, build_tables
 from particell.chemistry.reactions import Reaction
-from particell.chemistry.remarks import Remarks
 from particell.chemistry.reservoirs import HELD, WALL_FLUX, WALL_VALUE, FluxWall
 from particell.chemistry.species import Species, checked_rate
-from particell.chemistry.storage import (
-    average,
-    joint_fields,
-    prepare,
-    remember,
-    scratch_fields,
-    shared_jump_tables,
-    table_fields,
-)
+from particell.chemistry.storage import prepare, scratch_fields, table_fields
 from particell.chemistry.switching import switch_kind
-from particell.chemistry.walks import Walks
 from particell.compute.batches import batch_size
 from particell.compute.device import Device
 from particell.compute.neighbours import NeighbourList
@@ -41,9 +32,9 @@ from particell.compute.philox import (
     check_word,
     stream_key,
 )
-from particell.errors import InputError, RunError
+from particell.errors import InputError
 from particell.kernels import kernel_code, normalisation
-from particell.laws import diffusion
+from particell.laws.diffusion import STEP_LIMIT
 from particell.materials import AVOGADRO
 from particell.particles import Particles
 from particell.representation import block
@@ -58,8 +49,6 @@ PART_OF_REACTION = 0.2
 PART_OF_LIMIT = 0.1
 #: A step is divided into this many parts at most.
 MOST_PARTS = 500
-#: A time in s in which nothing reacts, and reactions leave behind how fast they are.
-INSTANT = 1e-150
 
 
 class Chemistry(Contents):
@@ -136,9 +125,8 @@ class Chemistry(Contents):
         if splitting not in ("auto", "lie", "strang"):
             raise InputError("splitting", splitting, "'auto', 'lie' or 'strang'")
         tables = build_tables(species, reactions, boundaries, particles.groups)
-        together = hybrid.couples(*tables)
         #: whether the step is divided by the rates of reactions
-        self._divides = together and any(len(t.diffusing) for t in tables)
+        self._divides = couples(*tables) and any(len(t.diffusing) for t in tables)
         if splitting == "auto":
             splitting = "strang" if self._divides else "lie"
         self.add_fields(particles, species)
@@ -146,30 +134,23 @@ class Chemistry(Contents):
         super().__init__(device, neighbours.domain, particles, species, tables, seed, depth)
         self.neighbours, self.splitting = neighbours, splitting
         self.reactions = list(reactions)
-        self.normalise, self.binomial_cost = normalise, jumps.BINOMIAL_COST
+        self.binomial_cost = jumps.BINOMIAL_COST
         self.jumps = self.events = self.substeps = self.divisions = 0
         code, dim = kernel_code(kernel), particles.dim
         uniform = bool(neighbours.constants["UNIFORM"])
-        self._shape: dict[str, Any] = {
-            "DIM": dim,
-            "KERNEL": code,
-            "UNIFORM": uniform,
-            "BATCH": batch_size(device),
-        }
+        kernel_of: dict[str, Any] = {"DIM": dim, "KERNEL": code}
+        self._shape = {**kernel_of, "UNIFORM": uniform, "BATCH": batch_size(device)}
         surface, flux, self._reservoirs = (
             any(bool((t.status == status).any()) for t in tables)
             for status in (WALL_VALUE, WALL_FLUX, HELD)
         )
-        self._open_ended = surface or flux or self._reservoirs
         purposes = (REACTION, JUMP, ROUNDING, SPONGE, RESERVOIR)
-        self._keys = {p: tuple(stream_key(seed, p)) for p in purposes}
+        self._keys = {p: stream_key(seed, p) for p in purposes}
         self._switching = [int(s) for s in self.stochastic.switching]
         self._switch = {"SWITCH": bool(self._switching)}
-        self._pair = {"DIM": dim, "KERNEL": code, "SURFACE": surface, "FLUX": flux, **self._switch}
+        self._pair = {**kernel_of, "SURFACE": surface, "FLUX": flux, **self._switch}
         strang = splitting == "strang"
-        self._fields = scratch_fields(
-            device, particles, self.deterministic, self.stochastic, surface, flux, strang
-        )
+        self._fields = scratch_fields(device, particles, tables, surface, flux, strang)
         self._fields.update(
             **weight_fields(device, particles.n, dim, uniform, normalise),
             alpha=normalisation(code, dim),
@@ -179,31 +160,22 @@ class Chemistry(Contents):
         )
         self._time = math.nan
         receives = np.array([g.kind == "fluid" for g in particles.groups])
-        self._amounts = table_fields(device, self.deterministic, receives)
-        self._counts = table_fields(device, self.stochastic, receives)
-        self._jump_tables = shared_jump_tables(device, self.stochastic, receives)
+        self._amounts, self._counts = (table_fields(device, t, receives) for t in tables)
         walls = [b for b in boundaries if isinstance(b, FluxWall)]
-        self._areas = fluxes.wall_areas(particles, neighbours.domain, walls, self.depth)
-        self._exchanges, self._exchange_of = exchanges(
-            device, particles.n, self.deterministic, self.stochastic, receives, normalise
+        self._diffusion = Diffusion(
+            device,
+            particles,
+            tables,
+            receives,
+            fluxes.wall_areas(particles, neighbours.domain, walls, self.depth),
+            normalise=normalise,
+            at_rest=at_rest,
+            open_ended=surface or flux or self._reservoirs,
         )
-        if together and self.deterministic.timed:
-            wrong = "laws that depend on the time"
-            allowed = "left out where molecules and concentrations react together"
-            raise InputError("reactions", wrong, allowed)
-        self._together, self.pace = together, math.inf
-        self._joint = joint_fields(device, tables, self._amounts) if together else {}
-        self._remarks = Remarks(device, tables, (self._amounts, self._counts))
-        self._laws = {
-            "C, k": dispatcher(self.deterministic.laws, "C, k"),
-            "N, V, k": dispatcher(self.stochastic.laws, "N, V, k"),
-        }
+        kinds = self._amounts, self._counts
+        self._kinetics = Kinetics(device, particles, tables, kinds, self._fields)
+        self.pace = math.inf
         self._rows: Any = None
-        # at rest, weights and rates are kept; tables of jumps share an array, and what switches
-        # changes the rates
-        self._at_rest = at_rest
-        self._rates_last = at_rest and len(self._jump_tables) < 2 and not self._switching
-        self._measured = self._rated = False
 
     def __repr__(self) -> str:
         return f"Chemistry({list(self.species.values())}, {self.reactions})"
@@ -223,12 +195,12 @@ class Chemistry(Contents):
         """Put the :meth:`saved` state of another run back."""
         self.events, self.jumps, self.pace = (saved[k] for k in ("events", "jumps", "pace"))
         self.remarks[:] = saved["remarks"]
-        self._measured = self._rated = False  # of other places, it may be
+        self._diffusion.forget()
 
     @property
     def remarks(self) -> list[str]:
         """What was found wrong with laws so far, a line each; every line was a warning once."""
-        return self._remarks.lines
+        return self._kinetics.remarks.lines
 
     def limits(self) -> dict[str, float]:
         """Largest steps in s by name: 0.05 h²/κ for each kind of species.
@@ -244,7 +216,7 @@ class Chemistry(Contents):
         ):
             fastest = float(table.diffusivity.max(initial=0.0))
             if fastest > 0:
-                result[name] = diffusion.STEP_LIMIT * smallest**2 / fastest
+                result[name] = STEP_LIMIT * smallest**2 / fastest
         return result
 
     @property
@@ -315,11 +287,7 @@ class Chemistry(Contents):
         n = self.particles.n
         self._prepare(n)
         self._hold(step)
-        self._react_together(len(self._fields["work"]), n, INSTANT, step, 0)
-        self.pace = self._pace_left()
-
-    def _pace_left(self) -> float:
-        return float(self.device.to_host(self._fields["pace"]).max())
+        self.pace = self._kinetics.first_pace(n, step)
 
     def _split_step(self, step: int, tau: float, part: int, begin: float) -> None:
         n = self.particles.n
@@ -365,52 +333,18 @@ class Chemistry(Contents):
 
     def _diffuse(self, step: int, tau: float, heun: bool, part: int) -> None:
         """All exchange between particles: jumps of molecules first, then that of amounts."""
-        n = self.particles.n
-        diffusing = bool(len(self.deterministic.diffusing))
-        stream = 2 * len(self.stochastic.names)
-        if not self._measured:
-            self._measure(n)
-        for walks in self._walks:
-            if not self._rated:
-                walks.renew(n, step, self._time)
-            self.jumps += walks.run(n, step, tau, self.binomial_cost, stream * part)
-        self._rated = self._rates_last
-        if not diffusing:
-            return
-        if self._switching:
-            self._prepare(n)
-        for each in self._exchanges:
-            if each.broken is not None:
-                self._fail("the exchange by diffusion is not finite", *each.broken, step)
-        fastest = max(each.rate for each in self._exchanges)
-        self.divisions = max(1, math.ceil(0.5 * tau * fastest * (1 - 1e-12)))
-        for part in range(self.divisions):
-            if part > 0:
-                self._prepare_again(n)
-            self._exchange_amounts(n, tau / self.divisions, heun)
+        n, diffusion = self.particles.n, self._diffusion
+        diffusion.measure(n)
+        self.jumps += diffusion.jump(n, step, tau, self.binomial_cost, part, self._time)
+        if len(self.deterministic.diffusing):
+            if self._switching:
+                self._prepare(n)
+            self.divisions = diffusion.exchange(n, step, tau, heun, self._time)
 
-    def _exchange_amounts(self, n: int, tau: float, heun: bool) -> None:
-        """One step of the diffusion of concentrations, by Euler's or Heun's method."""
-        if heun:
-            self._remember(n)
-        for each in self._exchanges:
-            each.diffuse(n, tau)
-        if heun:
-            self._prepare_again(n)
-            for each in self._exchanges:
-                each.diffuse(n, tau)
-            self._average(n)
-
-    def _prepare_again(self, n: int) -> None:
+    def _refresh(self, n: int) -> None:
         if self._reservoirs:
             self._hold_amounts(n)
         self._prepare(n)
-
-    def _measure(self, n: int) -> None:
-        """What diffusion needs of the particles' places: weights of pairs, areas of walls."""
-        self._measured = self._at_rest
-        for each in self._exchanges:
-            each.measure(n, self._areas)
 
     def _hold(self, step: int) -> None:
         if self._reservoirs:
@@ -421,45 +355,9 @@ class Chemistry(Contents):
                 self._hold_counts(n, step)
 
     def _react(self, step: int, tau: float, part: int, begin: float) -> None:
-        """All reactions during tau from a time on.
-
-        ``part`` tells apart the random numbers of the parts of a step.
-        """
-        n, f = self.particles.n, self._fields
-        lanes = len(f["work"])
-        if self._together:
-            self._react_together(lanes, n, tau, step, part)
-            self.pace = self._pace_left()
-        elif self.deterministic.reactions:
-            self._react_amounts(lanes, n, tau, begin)
-        if self._together or self.deterministic.reactions:
-            substeps = self.device.to_host(f["substeps"])
-            self.substeps = int(substeps.max())
-            if substeps.min() < 0:
-                row = -1 - int(substeps[substeps < 0][0])
-                what = "rates of reactions overflow, or are not finite"
-                if row >= n:
-                    what = f"more than {MOST_SUBSTEPS:.3g} sub-steps of reactions in one step"
-                self._fail(what, "amount", row % n, step)
-        if self.stochastic.reactions:
-            if not self._together:
-                self._react_counts(n, tau, step, part)
-            counter = f["event_counter"]
-            self.events += int(self.device.to_host(counter)[:, 0].sum())
-            self.device.write(counter, f["zero_counters"])
-            if self.device.to_host(f["broken"])[0]:
-                failed = self.device.to_host(f["failed"])
-                row = int(np.flatnonzero(failed)[0])
-                what = "propensities of reactions overflow, or are not finite"
-                if failed[row] == 2:
-                    what = f"more than {f['most_events']:.3g} reactions in one step"
-                self._fail(what, "count", row, step)
-        self._remarks.look()
-
-    def _fail(self, message: str, field: str, row: int, step: int) -> None:
-        message += self._remarks.not_finite()
-        particle = int(self.particles.host("id")[row])
-        raise RunError(message, step=step, time=self._time, field=field, particle=particle)
+        kinetics, n = self._kinetics, self.particles.n
+        self.events += kinetics.react(n, step, tau, part, begin, self._time)
+        self.substeps, self.pace = kinetics.substeps, kinetics.pace()
 
     # --- binding -----------------------------------------------------------------------------
 
@@ -469,64 +367,27 @@ class Chemistry(Contents):
         rows = self.neighbours.fields["neighbours"]
         if rows is self._rows:
             return
-        self._rows, self._measured, self._rated = rows, False, False
+        self._rows, pairs = rows, len(rows)
         f = self._fields
-        if self._jump_tables:
-            f["cumulative"] = self.device.zeros(len(rows), np.float32)
+        f.update(self._diffusion.room(pairs))
         common = {**self.neighbours.fields, **self.particles.fields, **f}
         amounts = {**common, **self._amounts}
         counts = {**common, **self._counts}
         for kind in (amounts, counts):  # one that is missing stands in where it is never read
             for name in ("amount", "count", "continuous"):
                 kind.setdefault(name, f[f"no_{name}"])
-        self._bind_exchange(amounts, counts)
-        self._bind_reactions(amounts, counts)
-
-    def _bind_exchange(self, amounts: dict[str, Any], counts: dict[str, Any]) -> None:
-        bind = self.device.bind
-        columns = len(self.deterministic.names)
-        self._prepare = bind(prepare, amounts, COLUMNS=columns)
-        for each in self._exchanges:
-            each.bind(amounts, len(self._rows), self._shape, self._pair, self.normalise)
-        self._remember = bind(remember, amounts, COLUMNS=columns)
-        self._average = bind(average, amounts, COLUMNS=columns)
+        bind, switch = self.device.bind, self._switch
+        key = {p: {**counts, "key0": k0, "key1": k1} for p, (k0, k1) in self._keys.items()}
+        self._prepare = bind(prepare, amounts, COLUMNS=len(self.deterministic.names))
         self._hold_amounts = bind(reservoirs.hold_amounts, amounts)
-        self._hold_counts = bind(reservoirs.hold_counts, self._with_key(counts, RESERVOIR))
-        self._relax_amounts = bind(reservoirs.relax_amounts, amounts, **self._switch)
-        sponge = self._with_key(counts, SPONGE)
-        self._relax_counts = bind(reservoirs.relax_counts, sponge, **self._switch)
-        jumping = self._with_key(counts, JUMP)
-        partner = self.stochastic.partner
-        self._walks = [
-            Walks(
-                self.device,
-                {**jumping, **self._exchange_of[columns[0]].fields, **t},
-                self._pair,
-                columns,
-                partner,
-                self._open_ended,
-            )
-            for t, columns in self._jump_tables
-        ]
-
-    def _bind_reactions(self, amounts: dict[str, Any], counts: dict[str, Any]) -> None:
-        bind = self.device.bind
-        law, rate_law = {"LAW": self._laws["N, V, k"]}, self._laws["C, k"]
-        reacting = self._with_key(counts, REACTION)
-        if self._together:
-            both = {**law, "RATE_LAW": rate_law, **self._switch}
-            self._react_together = bind(hybrid.react, {**reacting, **self._joint}, **both)
-        else:
-            self._react_counts = bind(ssa.react, reacting, **law)
-            if self.deterministic.reactions:
-                self._react_amounts = bind(massaction.react, amounts, LAW=rate_law, **self._switch)
-        self._switch_kind = bind(switch_kind, self._with_key(counts, ROUNDING))
+        self._hold_counts = bind(reservoirs.hold_counts, key[RESERVOIR])
+        self._relax_amounts = bind(reservoirs.relax_amounts, amounts, **switch)
+        self._relax_counts = bind(reservoirs.relax_counts, key[SPONGE], **switch)
+        self._switch_kind = bind(switch_kind, key[ROUNDING])
+        self._diffusion.bind(amounts, key[JUMP], pairs, self._shape, self._pair, self._refresh)
+        self._kinetics.bind(amounts, key[REACTION], **switch)
         self._thresholds = []
         for s in self._switching:
             each = self.species[self.stochastic.names[s]]
             partner = int(self.stochastic.partner[s])
             self._thresholds.append((s, partner, each.switch_above, each.switch_below))
-
-    def _with_key(self, fields: dict[str, Any], purpose: int) -> dict[str, Any]:
-        key0, key1 = self._keys[purpose]
-        return {**fields, "key0": key0, "key1": key1}

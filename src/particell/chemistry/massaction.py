@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numba import njit
 
-from particell.chemistry.integrators import EDGE, INNER, advance, law_value, reaction_rate
+from particell.chemistry.integrators import advance
 from particell.chemistry.lawcode import CLOCK
+from particell.chemistry.rates import EDGE, INNER, law_value, reaction_rate
 from particell.compute.loop import particle_loop
 
 if TYPE_CHECKING:

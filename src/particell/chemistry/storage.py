@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from particell.chemistry import massaction
-from particell.chemistry.hybrid import couples, joint_tables
-from particell.chemistry.integrators import work_columns
+from particell.chemistry.joint import couples, joint_tables
 from particell.chemistry.network import Tables
+from particell.chemistry.rates import work_columns
 from particell.chemistry.reservoirs import WALL_FLUX, WALL_VALUE
 from particell.compute.device import Device
 from particell.compute.loop import particle_loop
@@ -48,14 +48,14 @@ def average(i, amount, amount_booked, amount_before, booked_before, *, COLUMNS):
 def scratch_fields(
     device: Device,
     particles: Particles,
-    deterministic: Tables,
-    stochastic: Tables,
+    tables: tuple[Tables, Tables],
     surface: bool,
     flux: bool,
     strang: bool,
 ) -> dict[str, Any]:
     """Work arrays, no larger than what the species need."""
     zeros, n = device.zeros, particles.n
+    deterministic, stochastic = tables
     threads = available_threads() if device.backend == "cpu" else 1
     columns = len(deterministic.names)
     molecules = n if stochastic.names else 1
@@ -81,7 +81,7 @@ def scratch_fields(
         "zero_counters": np.zeros((threads, COUNTERS), np.int64),
     }
     lanes, length = 1, 1
-    if couples(deterministic, stochastic):
+    if couples(*tables):
         rows = deterministic.reactions + stochastic.reactions
         lanes, length = min(massaction.LANES, n), work_columns(columns + 1, rows)
     elif deterministic.reactions:

@@ -2,6 +2,8 @@ from __future__ import annotations
 
 import pytest
 
+import particell as pc
+from particell import units
 from particell.errors import InputError
 from particell.units import parse, quantity
 
@@ -81,3 +83,35 @@ def test_a_number_is_never_another_one(text, read):
 )
 def test_numbers_with_an_operator_between_them(text):
     assert parse("x", text, "m") == pytest.approx(quantity(text).magnitude)
+
+
+@pytest.mark.parametrize("unit", ["", "K", "kg/m³", "1/s", "W/m^2", "µm/s", "molecules", "%", "cd"])
+def test_fields_of_one_s_own_have_units(unit):
+    assert pc.Field("mine", unit=unit).rate.unit == (f"{unit}/s" if unit else "")
+
+
+def test_units_of_si_need_no_registry(monkeypatch):
+    """Each of the program's own fields would wait for it."""
+    monkeypatch.setattr(units, "registry", None)
+    units.check_unit.cache_clear()
+    for unit in ("m", "m/s", "m/s²", "kg/m³", "kg/m³/s", "Pa", "K", "J/kg/K", "mol/m^3"):
+        units.check_unit("unit", unit)
+
+
+@pytest.mark.parametrize(
+    ("unit", "words"),
+    [
+        ("foo", "'foo' is no unit"),
+        ("Kelvinn", "'Kelvinn' is no unit"),
+        ("kg/", "a unit, such as"),
+        ("3 m", "a unit, such as"),
+        ("m^9999999", "a unit, such as"),
+        ("K" * 200, "a unit, such as"),
+        ("-", "a unit, such as"),
+    ],
+)
+def test_what_is_no_unit_of_a_field(unit, words):
+    with pytest.raises(InputError) as error:
+        pc.Field("mine", unit=unit)
+    assert str(error.value).startswith("unit = ") and words in str(error.value)
+    assert "\n" not in str(error.value)

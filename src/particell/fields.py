@@ -13,6 +13,7 @@ import numpy as np
 
 from particell.checks import checked
 from particell.errors import InputError
+from particell.units import check_unit
 
 #: What the rate of a field is called, after the field's name.
 RATE = "_rate"
@@ -39,7 +40,7 @@ class Field:
         Its value at first, of all particles; ``simulation.particles.set(name, values)`` sets others
         (values in memory order).
     unit
-        For readers of frames.
+        For readers of frames: text such as ``"K"`` or ``"kg/m^3"``, empty for a plain number.
     components
         Numbers a particle, of a vector the dimension; 0 for a number without an axis of its own.
     role
@@ -54,7 +55,7 @@ class Field:
     Raises
     ------
     InputError
-        Where the name is no word, or a role is unknown.
+        Where the name is no word, or a role or a unit is unknown.
     """
 
     name: str
@@ -74,6 +75,7 @@ class Field:
             np.dtype(self.kind)
         except TypeError:
             raise InputError("kind", self.kind, "a type of NumPy's") from None
+        check_unit("unit", self.unit)
         if self.components < 0:
             raise InputError("components", self.components, "zero or more")
 

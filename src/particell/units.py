@@ -42,6 +42,10 @@ _BROKEN_NUMBER = re.compile(
     r",|\d\s*['’·⋅]\s*\d|[^\s*/^(+-]\s+(?!1\s*/\s*(?:\(|[^\W\d]))[+-]?[\d.]"
 )
 
+#: Units that need no registry: SI's, divided and multiplied.
+_SYMBOL = r"(?:m|kg|s|K|mol|N|Pa|J|W)(?:[²³]|(?:\^|\*\*)[2-9])?"
+_PLAIN = re.compile(rf"(?:1/)?{_SYMBOL}(?:[*/]{_SYMBOL})*")
+
 #: Units by which a misspelt one is guessed.
 USUAL = (
     *("m", "mm", "um", "nm", "cm", "s", "ms", "us", "ns", "min", "hour", "kg", "g", "mg", "ug"),
@@ -214,6 +218,30 @@ def parse(key: str, value: float | str, unit: str) -> float:
         return Quantity(unit).convert(value)
     except ValueError as error:
         raise InputError(key, value, str(error)) from None
+
+
+@functools.cache
+def check_unit(name: str, unit: str) -> None:
+    """Refuse text that is no unit.
+
+    Raises
+    ------
+    InputError
+        Naming ``name``.
+    """
+    if not unit or _PLAIN.fullmatch(unit):
+        return
+    import pint
+
+    allowed = "a unit, such as 'K' or 'kg/m^3'"
+    try:
+        if not _harmless(unit):
+            raise ValueError(unit)
+        registry().Unit(unit)
+    except pint.UndefinedUnitError as error:
+        raise InputError(name, unit, f"{allowed} ({unknown_units(error)})") from None
+    except Exception:  # of pint's many, and of Python's tokenizer
+        raise InputError(name, unit, allowed) from None
 
 
 Number = Annotated[float, Quantity("")]

@@ -56,9 +56,9 @@ def line(seed: int = 1, **options) -> pc.Simulation:
     """Molecules and a concentration on particles at rest."""
     box = pc.Domain((0,), (10,), "x", depth=1.0)
     species = [pc.Species("M", 0.1, molecules=True), pc.Species("C", 0.1)]
-    given = {"reactions": [pc.Reaction("M -> 0", 0.5)], **options}
+    given = {"reactions": [pc.Reaction("M -> 0", 0.5)], "dt": 0.01, **options}
     made = pc.Simulation(
-        box, pc.fluid(box, unit_fluid(), 1.0), pc.Static(), species, seed=seed, dt=0.01, **given
+        box, pc.fluid(box, unit_fluid(), 1.0), pc.Static(), species, seed=seed, **given
     )
     made.chemistry.set_count("M", 30)
     return made
@@ -72,6 +72,58 @@ def restored(place, **options) -> pc.Simulation:
     made = line(**options)
     made.restore(read_checkpoint(place / "checkpoint.h5")[0])
     return made
+
+
+@pytest.mark.parametrize(("dt", "every"), [(0.01, 0.25), ("auto", 50.0)])
+def test_frames_after_steps_of_one_s_own(dt, every):
+    """The first frame is now, the others are where they would have been from the beginning."""
+    made = line(dt=dt)
+    made.advance(23)
+    now, given = made.time, made.dt
+    times = run(made, 4 * every, None, every).times
+    assert 0 < now < every and times == pytest.approx([now, *np.arange(1, 5) * every], rel=1e-12)
+    assert dt == "auto" or made.dt == pytest.approx(given, rel=1e-12)
+    # a part of what is left still is one
+    made = line(dt=dt)
+    made.advance(23)
+    third = (4 * every - now) / 3
+    times = run(made, 4 * every, None, third).times
+    assert times == pytest.approx(now + np.arange(4) * third, rel=1e-12)
+
+
+def test_a_first_frame_that_steps_do_not_reach():
+    """Steps of a given length are not made shorter for good by one interval that is."""
+    made = line(dt=0.01)
+    made.advance(23)
+    with pytest.raises(InputError, match=r"a whole part of the 0\.77 s to run"):
+        run(made, 1.0, None, 1 / 3)
+    made = line(dt="auto")
+    made.advance(1)
+    with pytest.raises(InputError, match="a whole part of"):
+        run(made, 100.0, None, 30.0)
+
+
+def test_a_run_that_is_broken_off_before_its_first_frame(tmp_path, monkeypatch):
+    """It goes on to the same bits: the interval that is to come is in the checkpoint."""
+    whole, broken = line(), line()
+    for made in (whole, broken):
+        made.advance(23)
+    run(whole, 1.0, tmp_path / "whole", 0.25)
+    asked: list[int] = []
+
+    def ask_once():
+        if not asked:
+            asked.append(signal.SIGINT)
+            signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(broken, "start", ask_once)
+    with pytest.raises(pc.Interrupted):
+        run(broken, 1.0, tmp_path / "broken", 0.25)
+    resumed = restored(tmp_path / "broken")
+    assert resumed.step == 23
+    found = run(resumed, 1.0, tmp_path / "broken", 0.25)
+    assert found.times == pytest.approx([0.23, 0.25, 0.5, 0.75, 1.0])
+    assert same_bits(whole, resumed) == []
 
 
 def test_a_directory_belongs_to_one_process(held):

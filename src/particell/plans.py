@@ -43,15 +43,23 @@ class Plan:
 
     @classmethod
     def new(cls, simulation: Runnable, until: float, every: float | None) -> Plan:
-        """A plan from now on; by default of ten frames."""
-        span = until - simulation.time
+        """A plan from now on; by default of ten frames.
+
+        Where intervals from now on do not reach the end, but those from time 0 on do, the first one
+        is shorter: frames are at multiples of the interval.
+        """
+        span, step = until - simulation.time, simulation.step
         every = span / 10 if every is None else every
         if not 0 < every <= span * (1 + 1e-9):
             raise InputError("every", every, f"positive and at most the {span:g} s to run")
+        first = _first_interval(simulation, span, until, every)
+        if first:
+            per_frame = simulation.plan(first)
+            check_number_of_steps(simulation.dt, span)
+            return cls(first, until, per_frame, step + per_frame, step + per_frame, every)
         frames = _intervals(span, every)
         per_frame = simulation.plan(every)
         check_number_of_steps(simulation.dt, frames * every)
-        step = simulation.step
         return cls(every, until, per_frame, step + per_frame, step + frames * per_frame)
 
     @classmethod
@@ -142,6 +150,18 @@ def check_plan(saved: Any) -> None:
     number("then", saved["then"], 0.0)
     for name in ("per_frame", "next", "last"):
         whole(name, saved[name], 1 if name == "per_frame" else 0)
+
+
+def _first_interval(simulation: Runnable, span: float, until: float, every: float) -> float:
+    """The time in s to the next multiple of ``every``, where frames are at those; else 0."""
+    if _fits(span, every) or span > MOST_FRAMES * every or not _fits(until, every):
+        return 0.0
+    first, dt = math.fmod(span, every), simulation.dt
+    if simulation.timing.automatic:
+        return first
+    # steps of a given length stay as they are
+    steps = round(first / dt)
+    return steps * dt if abs(steps * dt - first) <= SLACK * dt else 0.0
 
 
 def _fits(span: float, every: float) -> bool:

@@ -289,7 +289,8 @@ class Simulation:
             Time in s to advance to.
         every
             Interval in s of frames, a whole part of the time to run; by default that of the run
-            that goes on, or a tenth of the time.
+            that goes on, or a tenth of the time. After :meth:`advance` it may be a part of
+            ``until`` instead: the first frame is at the present time, others at multiples of it.
         out
             Directory for ``run.h5``, checkpoints and ``status.json``, or None to keep frames in
             memory. The run in it goes on where this simulation has come from it: by

@@ -13,11 +13,11 @@ from particell.geometry.fill import (
     fitting_spacing,
     jittered,
     lattice,
-    neighbour_pairs,
     packed,
     rings,
     shells,
 )
+from particell.geometry.pairs import neighbour_pairs
 from particell.geometry.shapes import Ball, Box, Circle, HalfSpace, Sphere
 
 POINTS = np.random.default_rng(1).uniform(-2, 2, (300, 2))

@@ -49,7 +49,8 @@ from particell.cases.effective_diffusivity import on_lattice
 from particell.chemistry.reactions import Reaction
 from particell.chemistry.species import Species
 from particell.geometry.domain import Domain
-from particell.geometry.fill import lattice, neighbour_pairs
+from particell.geometry.fill import lattice
+from particell.geometry.pairs import neighbour_pairs
 from particell.materials import AVOGADRO, Fluid
 from particell.output.run import Run
 from particell.phases import Phase

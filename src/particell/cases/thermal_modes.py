@@ -65,6 +65,7 @@ from particell.analysis.modes import (
     waves_up_to,
 )
 from particell.analysis.statistics import block_average
+from particell.cases import thermal_modes_figures as drawn
 from particell.cases.base import (
     Case,
     Context,
@@ -201,9 +202,8 @@ class ThermalModes(Case):
 
     def analyse(self, run: Run, simulation: Simulation) -> dict[str, Metric]:
         """Pressure, compressibility, viscosity, sound speed and attenuation."""
-        material = simulation.materials[0]
-        assert material.sound_speed is not None
-        stiffness = self.density * material.sound_speed**2
+        c = self.asked_sound(simulation)
+        stiffness = self.density * c**2
         pressure = block_average(self.pressures(run, simulation), BLOCKS)
         waves, blocks = self.structure(run)
         long = [self.softer(simulation, 2 * math.pi / self.edge * math.sqrt(n)) for n in waves]
@@ -211,17 +211,20 @@ class ThermalModes(Case):
         answers = self.answers(run, simulation)
         k = 2 * math.pi / self.edge
         decay = decay_rate(answers, k)
-        expected = material.sound_speed * math.sqrt(self.softer(simulation, k)), self.along(k)
-        step = simulation.dt if self.integrator == "velocity-verlet" else None
-        speed, attenuation = sound(answers, k, expected, step)
-        ideal = BOLTZMANN * self.temperature / (self.mass * material.sound_speed**2)
+        expected = c * math.sqrt(self.softer(simulation, k)), self.along(k)
+        speed, attenuation = sound(answers, k, expected, self.explicit_step(simulation))
+        ideal = self.ideal(simulation)
         found = {
             "pressure": (
                 Estimate(float(pressure.mean) / stiffness, float(pressure.error) / stiffness),
                 0.0,
                 PRESSURE,
             ),
-            "compressibility": (scaled(compressibility, ideal), 1.0, COMPRESSIBILITY),
+            "compressibility": (
+                scaled(compressibility, ideal),
+                1.0,
+                COMPRESSIBILITY,
+            ),
             "viscosity": (scaled(decay, self.decay_asked(k, simulation.dt)), 1.0, VISCOSITY),
             "sound_speed": (scaled(speed, expected[0]), 1.0, SOUND),
             "attenuation": (scaled(attenuation, expected[1]), 1.0, None),
@@ -239,6 +242,21 @@ class ThermalModes(Case):
         metrics["temperature_deviation"] = Metric(float(hot) - 1)
         return metrics
 
+    def asked_sound(self, simulation: Simulation) -> float:
+        """Sound speed in m/s that is asked for."""
+        c = simulation.materials[0].sound_speed
+        assert c is not None
+        return c
+
+    def ideal(self, simulation: Simulation) -> float:
+        """S(0) that is asked for, k_B T/(m c²)."""
+        c = self.asked_sound(simulation)
+        return BOLTZMANN * self.temperature / (self.mass * c**2)
+
+    def explicit_step(self, simulation: Simulation) -> float | None:
+        """Time step in s of velocity-Verlet, which waves see; None of the trapezoidal rule."""
+        return simulation.dt if self.integrator == "velocity-verlet" else None
+
     def decay_asked(self, k: float, dt: float) -> float:
         """Rate in 1/s of a transverse wave: ν k², as kernel and time step make it."""
         seen = friction_transform(k * self.support * self.spacing, self.kernel, self.dimensions)
@@ -255,9 +273,8 @@ class ThermalModes(Case):
 
     def softer(self, simulation: Simulation, k: float) -> float:
         """c²(k)/c²(0) = S(0)/S(k) of a density that is a sum over neighbours."""
-        given, unit = self.given(simulation), self.mass / (BOLTZMANN * self.temperature)
-        c, confinement = given.material.sound_speed, given.confinement / self.density
-        assert c is not None
+        c, unit = self.asked_sound(simulation), self.mass / (BOLTZMANN * self.temperature)
+        confinement = self.given(simulation).confinement / self.density
         w = kernel_transform(k * self.support * self.spacing, self.kernel, self.dimensions)
         return (1 + unit * (c**2 * w**2 + 2 * confinement * (w - w**2))) / (1 + unit * c**2)
 
@@ -329,6 +346,13 @@ class ThermalModes(Case):
             self._answers = responses(plain, kicked, states, waves, steps, AMPLITUDE * thermal)
         return self._answers
 
+    def exact_answers(self, simulation: Simulation, k: float, time: np.ndarray) -> list[np.ndarray]:
+        """Longitudinal and transverse answers to a kick, as kernel and time step make them."""
+        frequency = self.asked_sound(simulation) * k * math.sqrt(self.softer(simulation, k))
+        damping, step = self.along(k) * k * k, self.explicit_step(simulation)
+        transverse = np.exp(-self.decay_asked(k, simulation.dt) * time)
+        return [sound_answer(time, frequency, damping, step), transverse]
+
     def figures(self, run: Run, directory: Path) -> list[Path]:
         """Structure factor, answers to kicks, pressure in time."""
         simulation = self.build(Context())
@@ -340,72 +364,30 @@ class ThermalModes(Case):
         }
         return [plots.save(figure, directory / f"{name}.png") for name, figure in made.items()]
 
-    @plots.styled
     def _structure_figure(self, run: Run, simulation: Simulation):
-        figure, axes = plots.new_figure()
-        sound_speed = simulation.materials[0].sound_speed
-        assert sound_speed is not None
-        ideal = BOLTZMANN * self.temperature / (self.mass * sound_speed**2)
         squares, blocks = self.structure(run)
-        mean = block_average(blocks / ideal, BLOCKS)
-        unit = (2 * math.pi / self.side * self.support) ** 2
-        axes.errorbar(squares * unit, mean.mean, mean.error, fmt="o", mfc="none", label="particles")
         fine = np.linspace(0, squares[-1], 50)
-        waves = 2 * math.pi / self.edge * np.sqrt(fine)
-        asked = [1 / self.softer(simulation, k) for k in waves]
-        axes.plot(fine * unit, asked, "-", label="asked for, as the kernel shows it")
-        axes.set(xlabel="(k h)²", ylabel="S(k) m c₀² / k_BT", ylim=(0, None))
-        plots.legend(axes, loc="lower right")
-        return figure
+        asked = [1 / self.softer(simulation, 2 * math.pi / self.edge * math.sqrt(n)) for n in fine]
+        unit = (2 * math.pi / self.side * self.support) ** 2
+        mean = block_average(blocks / self.ideal(simulation), BLOCKS)
+        return drawn.structure(unit * squares, mean, unit * fine, asked)
 
-    @plots.styled
     def _modes_figure(self, run: Run, simulation: Simulation):
-        figure, (left, right) = plots.new_figure(7.0, 3.0, columns=2)
-        answers = self.answers(run, simulation)
-        c = simulation.materials[0].sound_speed
-        assert c is not None
-        dt = simulation.dt
+        answers, dt = self.answers(run, simulation), simulation.dt
         fine = dt * np.arange(round(answers.time[-1] / dt) + 1)
-        step = dt if self.integrator == "velocity-verlet" else None
-        for n, (colour, mark) in enumerate(zip(plots.COLOURS[:2], "os", strict=True)):
-            k = 2 * math.pi / self.edge * math.sqrt(n + 1)
-            frequency = c * k * math.sqrt(self.softer(simulation, k))
-            exact = sound_answer(fine, frequency, self.along(k) * k * k, step)
-            lines = (np.exp(-self.decay_asked(k, dt) * fine), exact)
-            for axes, found, line in zip(
-                (right, left), answers.of_length(k), (exact, lines[0]), strict=True
-            ):
-                mean = found.mean(axis=0)
-                error = found.std(axis=0, ddof=1) / math.sqrt(len(found))
-                axes.plot(fine / self.viscous_time, line, "-", color=colour, linewidth=1)
-                axes.errorbar(
-                    answers.time / self.viscous_time,
-                    mean,
-                    error,
-                    fmt=mark,
-                    color=colour,
-                    mfc="none",
-                    markersize=4,
-                    label=f"k h = {k * self.support * self.spacing:.2f}",
-                )
-        left.set(xlabel="t η / (ρ h²)", ylabel="answer to a kick", yscale="log", title="transverse")
-        right.set(xlabel="t η / (ρ h²)", title="longitudinal")
-        plots.legend(left)
-        return figure
+        modes = []
+        for n in (1, 2):
+            k = 2 * math.pi / self.edge * math.sqrt(n)
+            exact = self.exact_answers(simulation, k, fine)
+            modes.append(drawn.Mode(k * self.support * self.spacing, answers.of_length(k), exact))
+        unit = self.viscous_time
+        return drawn.modes(answers.time / unit, fine / unit, modes)
 
-    @plots.styled
     def _pressure_figure(self, run: Run, simulation: Simulation):
-        figure, axes = plots.new_figure(5.2, 3.0)
-        c = simulation.materials[0].sound_speed
-        assert c is not None
-        values = self.pressures(run, simulation) / (self.density * c**2)
+        values = self.pressures(run, simulation)
+        values /= self.density * self.asked_sound(simulation) ** 2
         times = run.times[self.frames(run).start :] / self.viscous_time
-        mean = block_average(values, BLOCKS)
-        axes.plot(times, 100 * values, ".", markersize=2)
-        axes.axhline(0, color="black", linewidth=0.8)
-        axes.set(xlabel="t η / (ρ h²)", ylabel="virial pressure [% of ρ c₀²]")
-        axes.set_title(f"mean {100 * float(mean.mean):.3f} ± {100 * float(mean.error):.3f} %")
-        return figure
+        return drawn.pressure(times, values, block_average(values, BLOCKS))
 
 
 def scaled(estimate: Estimate, unit: float) -> Estimate:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from itertools import pairwise
 
 import numpy as np
@@ -11,6 +12,7 @@ from scipy.spatial import cKDTree
 from particell.checks import checked, finite, not_negative, positive
 from particell.errors import InputError, unknown_name
 from particell.geometry.domain import Domain
+from particell.geometry.pairs import neighbour_pairs
 from particell.geometry.shapes import Ball, Box, Shape
 
 #: Displacements in spacings: of a jittered lattice, and before packing.
@@ -20,15 +22,18 @@ ARRANGEMENTS = ("square", "hexagonal", "jittered", "packed")
 MOST_POINTS = 1e10
 
 
+def _fits_in_memory(number: float, spacing: float) -> None:
+    if not number <= MOST_POINTS:  # a NaN too
+        allowed = f"larger: more than {MOST_POINTS:g} particles fit in no memory"
+        raise InputError("spacing", spacing, allowed)
+
+
 def fitting_spacing(domain: Domain, spacing: float) -> np.ndarray:
     """Spacings (dim,) nearest to ``spacing`` that divide the domain's edges evenly."""
     positive("spacing", spacing)
     with np.errstate(over="ignore"):
         numbers = np.round(domain.lengths / spacing)
-    if not numbers.prod() <= MOST_POINTS:
-        raise InputError(
-            "spacing", spacing, f"larger: more than {MOST_POINTS:g} particles fit in no memory"
-        )
+    _fits_in_memory(numbers.prod(), spacing)
     if np.any(numbers < 1):
         raise InputError("spacing", spacing, f"at most the shortest edge, {domain.lengths.min():g}")
     return domain.lengths / numbers
@@ -162,17 +167,8 @@ def rings(ball: Ball, inner: float, outer: float, spacing: float) -> tuple[np.nd
     points, volumes
         Points (n, 2) in m and their areas (n,) in m², which add up to the ring's area.
     """
-    if not 0 <= inner < outer:
-        raise InputError("inner", inner, f"between 0 and 'outer' = {outer:g}")
-    positive("spacing", spacing)
-    if (outer / spacing) ** 2 > MOST_POINTS:
-        raise InputError(
-            "spacing", spacing, f"larger: more than {MOST_POINTS:g} particles fit in no memory"
-        )
-    layers = max(1, round((outer - inner) / spacing))
-    edges = np.linspace(inner, outer, layers + 1)
     points, volumes = [], []
-    for low, high in pairwise(edges):
+    for low, high in _layers(inner, outer, spacing, 2):
         area = math.pi * (high**2 - low**2)
         # the radius that halves the layer's area, or its centre of mass for a wedge
         radius = 2 / 3 * (high**3 - low**3) / (high**2 - low**2)
@@ -208,17 +204,8 @@ def shells(ball: Ball, inner: float, outer: float, spacing: float) -> tuple[np.n
     """
     if len(ball.center) != 3:
         raise InputError("ball", ball, "a sphere in 3 dimensions ('rings' are for 2)")
-    if not 0 <= inner < outer:
-        raise InputError("inner", inner, f"between 0 and 'outer' = {outer:g}")
-    positive("spacing", spacing)
-    if (outer / spacing) ** 3 > MOST_POINTS:
-        raise InputError(
-            "spacing", spacing, f"larger: more than {MOST_POINTS:g} particles fit in no memory"
-        )
-    layers = max(1, round((outer - inner) / spacing))
-    edges = np.linspace(inner, outer, layers + 1)
     points, volumes = [], []
-    for low, high in pairwise(edges):
+    for low, high in _layers(inner, outer, spacing, 3):
         volume = 4 / 3 * math.pi * (high**3 - low**3)
         # the centre of mass of a narrow cone's part in the layer
         radius = 3 / 4 * (high**4 - low**4) / (high**3 - low**3)
@@ -228,6 +215,16 @@ def shells(ball: Ball, inner: float, outer: float, spacing: float) -> tuple[np.n
         points.append(ball.center + radius * _on_sphere(number))
         volumes.append(np.full(number, volume / number))
     return np.concatenate(points), np.concatenate(volumes)
+
+
+def _layers(inner: float, outer: float, spacing: float, dim: int) -> Iterable[tuple[float, float]]:
+    """Inner and outer radii of the layers of particles between two radii."""
+    if not 0 <= inner < outer:
+        raise InputError("inner", inner, f"between 0 and 'outer' = {outer:g}")
+    positive("spacing", spacing)
+    _fits_in_memory((outer / spacing) ** dim, spacing)
+    layers = max(1, round((outer - inner) / spacing))
+    return pairwise(np.linspace(inner, outer, layers + 1))
 
 
 def _on_sphere(number: int, iterations: int = 50) -> np.ndarray:
@@ -369,35 +366,3 @@ def _put_back(points: np.ndarray, shape: Shape, margin: float) -> np.ndarray:
         normal = shape.normal(points[out], 1e-3 * margin)
         points[out] -= distance[out, None] * normal
     return points
-
-
-def neighbour_pairs(
-    points: np.ndarray, domain: Domain, reach: float, first: int | None = None
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Pairs (i, j, x_i − x_j) nearer than ``reach``, i among the first ``first`` points.
-
-    For setting up and analysis; the simulation has its own neighbour list.
-    """
-    first = len(points) if first is None else first
-    images = [points]
-    sources = [np.arange(len(points))]
-    for d in np.flatnonzero(domain.periodic):
-        length = domain.lengths[d]
-        before = len(images)  # images along this axis are not copied back
-        for side, shift in ((0, length), (1, -length)):
-            for k in range(before):
-                x = images[k][:, d]
-                edge = x < domain.lower[d] + reach if side == 0 else x > domain.upper[d] - reach
-                copy = images[k][edge].copy()
-                copy[:, d] += shift
-                images.append(copy)
-                sources.append(sources[k][edge])
-    everything, source = np.concatenate(images), np.concatenate(sources)
-    tree = cKDTree(everything)
-    found = tree.query_ball_point(points[:first], reach)
-    counts = np.array([len(f) for f in found])
-    i = np.repeat(np.arange(first), counts)
-    j = np.concatenate([np.asarray(f, dtype=np.int64) for f in found]) if first else i
-    keep = ~((source[j] == i) & (j < len(points)))
-    i, j = i[keep], j[keep]
-    return i, source[j], points[i] - everything[j]

@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 
 from particell import snapshot
-from particell.analysis.fields import Held, value_of_linear_fit, wall_weight
+from particell.analysis.fields import Held, fit_of_sums
 from particell.checks import checked, not_negative, positive
 from particell.compute.cells import (
     cell_at,
@@ -313,7 +313,7 @@ class RunningAverage:
             part = rights[:, :, column : column + width]
             column += width
             held = walls.held(name) if walls else []
-            mean = _fitted(moments, part, held, self._scale, kernel_code(self.average.kernel))
+            mean = fit_of_sums(moments, part, held, self._scale, kernel_code(self.average.kernel))
             if walls:
                 mean[walls.hidden(groups)] = np.nan
             outer = self.average.points.shape[:-1]
@@ -341,27 +341,3 @@ class _Walls:
 
     def hidden(self, groups: tuple[int, ...]) -> np.ndarray:
         return self._arrangement.hidden(self._points, self._seen, groups, everywhere=True)
-
-
-def _fitted(
-    moments: np.ndarray, right: np.ndarray, held: list[Held], scale: float, code: int
-) -> np.ndarray:
-    """The means (points, columns) from sums, and what walls hold."""
-    moments, right = moments.copy(), right.copy()
-    total = moments[:, 0, 0].copy()
-    for h in held:
-        offset = h.offset / scale
-        weight = total[h.points] * wall_weight(np.linalg.norm(offset, axis=1), code)
-        basis = np.concatenate([np.ones((len(offset), 1)), offset], axis=1)
-        moments[h.points] += weight[:, None, None] * basis[:, :, None] * basis[:, None, :]
-        values = h.values.reshape(len(offset), 1, -1)
-        right[h.points] += weight[:, None, None] * basis[:, :, None] * values
-    found = moments[:, 0, 0] > 0
-    weights = np.where(found, moments[:, 0, 0], 1.0)[:, None, None]
-    moments, right = moments / weights, right / weights
-    mean = np.where(found[:, None], right[:, 0], np.nan)
-    # as in analysis.fields: of deviations from the mean, so that constants come out as such
-    deviations = right - moments[:, :, :1] * right[:, :1]
-    correction, solvable = value_of_linear_fit(moments, deviations, found)
-    mean[solvable] += correction
-    return mean

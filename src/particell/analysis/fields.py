@@ -21,14 +21,15 @@ Shepard, Proc. 23rd ACM Nat. Conf. (1968) 517; Lancaster & Salkauskas, Math. Com
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from particell.compute.elementwise import elementwise
 from particell.errors import InputError
 from particell.geometry.domain import Domain
-from particell.kernels import kernel_code
+from particell.kernels import kernel_code, shape_w
 
 # Points treated at once: bounds the memory for pairs.
 _BLOCK = 20_000
@@ -195,12 +196,12 @@ def _datum(
     """Point, weight, offset in supports and value of what walls hold, for a block of points."""
     rows = np.flatnonzero((held.points >= start) & (held.points < start + len(total)))
     offset = held.offset[rows] / size
-    weight = wall_weight(np.linalg.norm(offset, axis=1), code)
+    weight = _wall_weight(np.linalg.norm(offset, axis=1), code)
     i, near = held.points[rows] - start, weight > 0.0
     return i[near], (total[i] * weight)[near], offset[near], held.values[rows][near]
 
 
-def wall_weight(distance: np.ndarray, code: int) -> np.ndarray:
+def _wall_weight(distance: np.ndarray, code: int) -> np.ndarray:
     """Weight of a wall's datum, in that of all particles, at distances (k,) in supports."""
     q = np.maximum(2.0 * distance, _TOUCHES)
     return np.where(q < 1.0, _shape(np.minimum(q, 1.0), code) / q**2, 0.0)
@@ -208,24 +209,7 @@ def wall_weight(distance: np.ndarray, code: int) -> np.ndarray:
 
 def _shape(q: np.ndarray, code: int) -> np.ndarray:
     """The kernel's shape for an array of q = r/h."""
-    from numba import njit
-
-    from particell.kernels import shape_w
-
-    if not _compiled:  # by the first call, not by the import
-
-        @njit
-        def evaluate(q, w, KERNEL):
-            for k in range(len(q)):
-                w[k] = shape_w(q[k], KERNEL)
-
-        _compiled.append(evaluate)
-    w = np.empty_like(q)
-    _compiled[0](q, w, code)
-    return w
-
-
-_compiled: list[Callable[..., None]] = []
+    return elementwise(shape_w)(q, code)
 
 
 def _fit(
@@ -253,12 +237,56 @@ def _fit(
             for b in range(a + 1):
                 moments[:, a, b] = moments[:, b, a] = total(weighted[a] * basis[b])
         right = np.stack([np.stack([total(w * d) for d in deviations], -1) for w in weighted], 1)
-        correction, solvable = value_of_linear_fit(moments, right, found)
-        mean[solvable] += correction
+        _correct(mean, moments, right, found)
     return mean.reshape((n, *values.shape[1:]))
 
 
-def value_of_linear_fit(
+def fit_of_sums(
+    moments: np.ndarray, right: np.ndarray, held: Sequence[Held], size: float, code: int
+) -> np.ndarray:
+    """Weighted fit of a linear function at m points from sums over particles, evaluated there.
+
+    Parameters
+    ----------
+    moments, right
+        Sums of w b b, (m, D + 1, D + 1), and of w b A, (m, D + 1, columns), with b = (1, offset).
+    held
+        What walls hold at their surfaces near the points.
+    size
+        Unit of the offsets in m.
+    code
+        The kernel of walls' weights.
+
+    Returns
+    -------
+    numpy.ndarray
+        (m, columns); NaN where no particle was in reach.
+    """
+    total = moments[:, 0, 0]
+    moments, right = moments.copy(), right.copy()
+    for h in held:
+        i, weight, offset, values = _datum(h, 0, total, size, code)
+        basis = np.concatenate([np.ones((len(offset), 1)), offset], axis=1)
+        weighted = weight[:, None] * basis
+        moments[i] += weighted[:, :, None] * basis[:, None, :]
+        right[i] += weighted[:, :, None] * values.reshape(len(i), 1, right.shape[2])
+    found = total > 0
+    weights = np.where(found, moments[:, 0, 0], 1.0)[:, None, None]
+    moments, right = moments / weights, right / weights
+    mean = np.where(found[:, None], right[:, 0], np.nan)
+    _correct(mean, moments, right - moments[:, :, :1] * right[:, :1], found)
+    return mean
+
+
+def _correct(
+    mean: np.ndarray, moments: np.ndarray, deviations: np.ndarray, found: np.ndarray
+) -> None:
+    """Make means (n, columns) those of a linear function, from moments of deviations from them."""
+    correction, solvable = _value_of_linear_fit(moments, deviations, found)
+    mean[solvable] += correction
+
+
+def _value_of_linear_fit(
     moments: np.ndarray, right: np.ndarray, found: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """First unknown of normal equations (n, k, k) and (n, k, columns), and where it is determined.

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from particell.boundaries.wall import surface_distance
+from particell.compute.elementwise import elementwise
 from particell.geometry.domain import Domain
 
 #: How far inside a surface a point counts as on it, in supports: round-off of places and, of
@@ -81,16 +83,13 @@ class Surface:
         near = np.flatnonzero(gap <= sight)
         row = row[near]
         t = self.domain.shortest(points[near] - self.feet[row])
-        normal, k = self.normal[row], self.curvature[row, None]
-        # as particell.boundaries.wall.surface_distance: planes, circles and spheres
-        along = np.sum(normal * t, axis=1, keepdims=True)
-        square = np.sum(t * t, axis=1, keepdims=True)
-        across = np.sqrt(np.maximum(1.0 + k * (2.0 * along + k * square), 0.0))
-        distance = (2.0 * along + k * square) / (1.0 + across)
-        radial = normal + k * t
+        normal, k = self.normal[row], self.curvature[row]
+        none = ((0, 3 - t.shape[1]), (0, 0))
+        distance = elementwise(surface_distance)(*np.pad(t.T, none), *np.pad(normal.T, none), k)
+        radial = normal + k[:, None] * t
         length = np.linalg.norm(radial, axis=1, keepdims=True)
         out = np.where(length > 0, radial / np.where(length > 0, length, 1.0), normal)
-        return Seen(near, distance[:, 0], -distance * out, self.rows[row])
+        return Seen(near, distance, -distance[:, None] * out, self.rows[row])
 
 
 def nearest(places: np.ndarray, points: np.ndarray, domain: Domain) -> tuple[np.ndarray, ...]:

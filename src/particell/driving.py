@@ -20,7 +20,6 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from particell.geometry.domain import Domain
 from particell.phases import Phase
@@ -64,8 +63,7 @@ def distance_of_walls(domain: Domain, phases: Sequence[Phase]) -> float:
         return math.inf
     if len(fluid) > SAMPLE:
         fluid = np.random.default_rng(1).choice(fluid, SAMPLE, replace=False)
-    tree, period = _tree(domain, wall)
-    return float(tree.query(period(fluid))[0].max())
+    return float(domain.tree(wall).query(domain.wrapped_from_zero(fluid))[0].max())
 
 
 def stand_across(domain: Domain, phases: Sequence[Phase], axis: int) -> bool:
@@ -81,24 +79,11 @@ def stand_across(domain: Domain, phases: Sequence[Phase], axis: int) -> bool:
         domain.upper[rest],
         "".join(a for a, p in zip("xyz", domain.periodic[rest], strict=False) if p),
     )
-    tree, period = _tree(section, fluid[:, rest])
+    places = section.wrapped_from_zero(wall[:, rest])
     spacing = min(p.particle_spacing for p in phases if p.kind == "fluid" and len(p.points))
-    return bool(tree.query(period(wall[:, rest]))[0].min() < IN_THE_WAY * spacing)
+    return bool(section.tree(fluid[:, rest]).query(places)[0].min() < IN_THE_WAY * spacing)
 
 
 def _points(phases: Sequence[Phase], kind: str) -> np.ndarray:
     dim = phases[0].dim
     return np.concatenate([np.empty((0, dim)), *(p.points for p in phases if p.kind == kind)])
-
-
-def _tree(domain: Domain, points: np.ndarray):
-    """A tree of points with periodic images, and what brings others to its coordinates."""
-    least = np.where(domain.periodic, domain.lower, points.min(axis=0))
-
-    def placed(x: np.ndarray) -> np.ndarray:
-        return domain.wrapped(x)[0] - least
-
-    periods = np.where(domain.periodic, domain.lengths, 0.0)  # a box of length 0 is not periodic
-    x = placed(points)
-    x[:, domain.periodic] %= domain.lengths[domain.periodic]
-    return cKDTree(x, boxsize=periods), placed

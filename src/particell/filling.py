@@ -14,7 +14,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from particell.errors import InputError
 from particell.geometry.domain import Domain
@@ -57,12 +56,11 @@ def check_filling(domain: Domain, phases: Sequence[Phase], static: bool) -> None
     )
     places, _ = domain.wrapped(points)
     _check_total(domain, places, volume, phases)
-    least = np.where(domain.periodic, domain.lower, places.min(axis=0))
     of_phase = np.repeat(np.arange(len(phases)), [len(p.points) for p in phases])
-    tree = cKDTree(places - least, boxsize=np.where(domain.periodic, domain.lengths, 0.0))
+    tree = domain.tree(points)
     for k, p in enumerate(phases):
         if len(p.points):
-            at = domain.wrapped(_some(p.points))[0] - least
+            at = domain.wrapped_from_zero(_some(p.points))
             h = SUPPORT * p.particle_spacing
             r, j = tree.query(at, min(NEAREST, len(points)), distance_upper_bound=h)
             w = _weights(r.reshape(len(at), -1), h, domain.dim)
@@ -73,7 +71,7 @@ def check_filling(domain: Domain, phases: Sequence[Phase], static: bool) -> None
             if np.mean(crowded) > SHARE:
                 row = int(np.argmax(np.where(crowded, filled, 0.0)))
                 other = int(of_phase[j[row, np.argmax(foreign[row])]])
-                raise _overlap(p, phases[other], filled[row], at[row] + least)
+                raise _overlap(p, phases[other], filled[row], at[row] + domain.lower)
             if p.kind == "wall":
                 continue
             fill = float(np.median(filled))

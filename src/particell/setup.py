@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from particell.compute.device import Device
 from particell.compute.neighbours import NeighbourList
@@ -158,14 +157,9 @@ def check_overlap(
     size = np.concatenate(
         [np.minimum(np.asarray(p.volume) ** (1 / domain.dim), p.particle_spacing) for p in phases]
     )
-    periods = np.where(domain.periodic, domain.lengths, 0.0)
-    wrapped = points - np.where(domain.periodic, domain.lower, points.min(axis=0))
-    wrapped = np.where(domain.periodic, np.mod(wrapped, domain.lengths), wrapped)
-    wrapped[wrapped >= np.where(domain.periodic, domain.lengths, np.inf)] = 0.0
-    tree = cKDTree(wrapped, boxsize=periods)
+    tree = domain.tree(points)
     i, j = tree.query_pairs(TOO_NEAR * float(size.max()), output_type="ndarray").T
-    offset = wrapped[i] - wrapped[j]
-    offset -= periods * np.rint(offset * domain.inverse_periods)
+    offset = domain.shortest(tree.data[i] - tree.data[j])
     allowed = np.where(phase[i] == phase[j], within_phase, TOO_NEAR) * np.minimum(size[i], size[j])
     bad = np.flatnonzero(np.linalg.norm(offset, axis=1) < allowed)
     if bad.size:

@@ -152,8 +152,6 @@ def interpolate(
     InputError
         Where the order or the kernel does not exist, or the shapes do not fit.
     """
-    from scipy.spatial import cKDTree
-
     if order not in (0, 1):
         raise InputError("order", order, "0 or 1")
     code = kernel_code(kernel)
@@ -164,29 +162,26 @@ def interpolate(
     reach = np.broadcast_to(np.asarray(support, float), len(position))
     if not np.all(reach > 0):
         raise InputError("support", support, "positive")
-    periods = np.where(domain.periodic, domain.lengths, 0.0)  # cKDTree: 0 is not periodic
     result = np.full((len(points), *values.shape[1:]), np.nan)
     if not len(position):
         return result
-    tree = cKDTree(domain.wrapped_from_zero(position), boxsize=periods)
+    tree = domain.tree(position)
     size = float(reach.max())
     for start in range(0, len(points), _BLOCK):
         block = slice(start, start + _BLOCK)
-        targets = domain.wrapped_from_zero(points[block])
-        pairs = cKDTree(targets, boxsize=periods).sparse_distance_matrix(
-            tree, size, output_type="ndarray"
-        )
+        targets = domain.tree(points[block])
+        pairs = targets.sparse_distance_matrix(tree, size, output_type="ndarray")
         i, j = pairs["i"], pairs["j"]
         q = pairs["v"] / reach[j]
         inside = q < 1.0
         i, j, q = i[inside], j[inside], q[inside]
         weight = volume[j] * _shape(q, code) / reach[j] ** domain.dim
-        offset = domain.shortest(tree.data[j] - targets[i])
+        offset = domain.shortest(tree.data[j] - targets.data[i])
         data: list[tuple[np.ndarray, ...]] = [(i, weight, offset / size, values[j])]
-        total = np.bincount(i, weights=weight, minlength=len(targets))
+        total = np.bincount(i, weights=weight, minlength=targets.n)
         data += [_datum(h, start, total, size, code) for h in held]
         i, weight, offset, seen = (np.concatenate(parts) for parts in zip(*data, strict=True))
-        result[block] = _fit(len(targets), i, weight, offset, seen, order)
+        result[block] = _fit(targets.n, i, weight, offset, seen, order)
     return result
 
 

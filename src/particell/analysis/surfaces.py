@@ -94,13 +94,9 @@ class Surface:
 
 def nearest(places: np.ndarray, points: np.ndarray, domain: Domain) -> tuple[np.ndarray, ...]:
     """Distance from each point (m, D) to the nearest of the places (n, D), and which that is."""
-    from scipy.spatial import cKDTree
-
     if not len(places):
         return np.full(len(points), np.inf), np.zeros(len(points), np.int64)
-    periods = np.where(domain.periodic, domain.lengths, 0.0)  # cKDTree: 0 is not periodic
-    tree = cKDTree(domain.wrapped_from_zero(places), boxsize=periods)
-    return tree.query(domain.wrapped_from_zero(points))
+    return domain.tree(places).query(domain.wrapped_from_zero(points))
 
 
 def turned(normal: np.ndarray, first: np.ndarray, now: np.ndarray) -> np.ndarray:

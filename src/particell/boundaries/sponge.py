@@ -18,6 +18,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
+from numba import njit
 
 from particell.checks import checked, not_negative, positive
 from particell.compute.loop import particle_loop
@@ -89,6 +90,15 @@ class Sponge:
         return np.where((s > 0) & (s <= 1), np.clip(s, 0, 1) ** self.exponent, 0.0)
 
 
+@njit(inline="always")
+def share_taken(place, start, end, exponent, dt_over_time):
+    """The factor 1 − (1−φ)^(dt/τ) at a place along the axis, 0 outside the zone."""
+    s = (place - start) / (end - start)
+    if s <= 0.0 or s > 1.0:
+        return 0.0
+    return 1.0 - (1.0 - s**exponent) ** dt_over_time
+
+
 @particle_loop
 def relax_velocity(
     i,
@@ -111,12 +121,10 @@ def relax_velocity(
     if is_wall[i]:
         return
     place = x[i, AXIS] - edge * math.floor((x[i, AXIS] - origin) * inverse_edge)
-    s = (place - start) / (end - start)
-    if s <= 0.0 or s > 1.0:
-        return
-    share = 1.0 - (1.0 - s**exponent) ** dt_over_time
-    for d in range(DIM):
-        v[i, d] -= share * (v[i, d] - target[i, d])
+    share = share_taken(place, start, end, exponent, dt_over_time)
+    if share > 0.0:
+        for d in range(DIM):
+            v[i, d] -= share * (v[i, d] - target[i, d])
 
 
 @particle_loop
@@ -136,10 +144,7 @@ def share_of_target(
 ):
     """The factor 1 − (1−φ)^(dt/τ) of particle i, 0 outside the zone."""
     place = x[i, AXIS] - edge * math.floor((x[i, AXIS] - origin) * inverse_edge)
-    s = (place - start) / (end - start)
-    sponge_share[i] = 0.0
-    if s > 0.0 and s <= 1.0:
-        sponge_share[i] = 1.0 - (1.0 - s**exponent) ** dt_over_time
+    sponge_share[i] = share_taken(place, start, end, exponent, dt_over_time)
 
 
 @particle_loop

@@ -27,7 +27,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from particell.chemistry.reservoirs import FluxWall
 from particell.compute.expressions import where
@@ -80,18 +79,14 @@ def wall_areas(
         return found
     dim = particles.dim
     names = [g.name for g in particles.groups]
-    x = np.array(particles.host("x"), dtype=float)
-    around = domain.periodic
-    x[:, around] = (x - domain.lower)[:, around] % domain.lengths[around]
-    # a box of length 0 is not periodic
-    fluid = cKDTree(
-        x[particles.host("is_wall") == 0], boxsize=np.where(around, domain.lengths, 0.0)
-    )
+    x = particles.host("x")
+    fluid = domain.tree(x[particles.host("is_wall") == 0])
     reach = float(particles.host("support").max())
     for wall in walls:
         g = names.index(wall.group)
         chosen = particles.host("group") == g
-        chosen[chosen] = fluid.query(x[chosen], distance_upper_bound=reach)[0] < reach
+        places = domain.wrapped_from_zero(x[chosen])
+        chosen[chosen] = fluid.query(places, distance_upper_bound=reach)[0] < reach
         volume = particles.host("mass")[chosen] / particles.host("density")[chosen]
         d = particles.host("wall_depth")[chosen]
         spacing = volume ** (1.0 / dim)

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from particell.checks import checked
 from particell.errors import InputError
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 AXES = "xyz"
 
@@ -107,6 +111,16 @@ class Domain:
             x[:, a] %= length
             x[x[:, a] >= length, a] = 0.0  # the remainder of a tiny negative number rounds up
         return x
+
+    def tree(self, points: np.ndarray) -> cKDTree:
+        """For looking up which of the points (n, dim) are near; by the nearest periodic images.
+
+        It knows them, and takes others, as :meth:`wrapped_from_zero` has them.
+        """
+        from scipy.spatial import cKDTree
+
+        periods = np.where(self.periodic, self.lengths, 0.0)  # 0: not periodic
+        return cKDTree(self.wrapped_from_zero(points), boxsize=periods)
 
     def shortest(self, offsets: np.ndarray) -> np.ndarray:
         """Differences (n, dim) of places by the nearest periodic images."""

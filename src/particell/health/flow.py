@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from particell.analysis.fields import interpolate
 from particell.health.finding import Finding
@@ -221,10 +220,7 @@ class Watch:
         feet = feet[:: -(-len(feet) // SAMPLE)]
         volume = self._fluid("mass") / self._fluid("density")
         there = interpolate(feet, x, v, volume=volume, support=h, domain=s.domain)
-        least = np.where(s.domain.periodic, s.domain.lower, x_wall.min(axis=0))
-        edges = np.where(s.domain.periodic, s.domain.lengths, 0.0)
-        tree = cKDTree(s.domain.wrapped(x_wall)[0] - least, boxsize=edges)
-        _, nearest = tree.query(s.domain.wrapped(feet)[0] - least)
+        _, nearest = s.domain.tree(x_wall).query(s.domain.wrapped_from_zero(feet))
         square = ((there - v_wall[nearest]) ** 2).sum(axis=1)
         return float(np.sqrt(np.nanmean(square)) / speed)
 

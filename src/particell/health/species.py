@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from particell.health.finding import Finding
 from particell.materials import AVOGADRO
@@ -73,10 +72,8 @@ def _per_wave(simulation: Simulated, name: str) -> float | None:
     if variance <= (FLAT * max(abs(float(c.mean())), 1e-300)) ** 2:
         return None
     domain, dim = s.domain, s.domain.dim
-    x = domain.wrapped(s.particles.host("x")[chosen])[0]
-    least = np.where(domain.periodic, domain.lower, x.min(axis=0))
-    tree = cKDTree(x - least, boxsize=np.where(domain.periodic, domain.lengths, 0.0))
-    rows = np.arange(len(x))[:: -(-len(x) // SAMPLE)]
+    tree = domain.tree(s.particles.host("x")[chosen])
+    rows = np.arange(tree.n)[:: -(-tree.n // SAMPLE)]
     r, j = tree.query(tree.data[rows], 2 * dim + 1)
     slope = (c[rows, None] - c[j[:, 1:]]) ** 2 / r[:, 1:] ** 2
     wavenumber = np.sqrt(dim * float(slope.mean()) / variance)

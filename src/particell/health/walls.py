@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.spatial import cKDTree
 
+from particell.geometry.domain import Domain
 from particell.health.finding import Finding
 from particell.simulated import Simulated
 
@@ -27,26 +28,21 @@ def of_walls(simulation: Simulated) -> Iterator[Finding]:
     walls = [p for p in s.phases if p.kind == "wall" and len(p.points)]
     if s.static or not fluids or not walls:
         return
-    dim, support = s.domain.dim, s.scheme.support
-    wall = np.concatenate([p.points for p in walls])
-    lower = np.where(s.domain.periodic, s.domain.lower, -np.inf)
-    least = np.where(s.domain.periodic, lower, wall.min(axis=0))
-    tree = cKDTree(
-        s.domain.wrapped(wall)[0] - least,
-        boxsize=np.where(s.domain.periodic, s.domain.lengths, 0.0),
-    )
+    dim, support, domain = s.domain.dim, s.scheme.support, s.domain
+    tree = domain.tree(np.concatenate([p.points for p in walls]))
     wall_spacing = np.repeat([p.particle_spacing for p in walls], [len(p.points) for p in walls])
     empty, ratios = [], []
     for phase in fluids:
         d = phase.particle_spacing
-        x = s.domain.wrapped(phase.points)[0] - least
+        x = domain.wrapped_from_zero(phase.points)
         distance, nearest = tree.query(x, distance_upper_bound=NEXT * d)
         near = np.flatnonzero(np.isfinite(distance))
         if not len(near):
             continue
         near = near[:: -(-len(near) // SAMPLE)]
         ratios.append(wall_spacing[nearest[near]] / d)
-        beyond = s.domain.wrapped(_far_end(tree, x[near], support * d, s) + least)[0] - least
+        ends = _far_end(tree, x[near], support * d, domain)
+        beyond = domain.wrapped_from_zero(ends + domain.lower)
         room = (0.5 * np.sqrt(dim) + 0.05) * wall_spacing[nearest[near]]
         empty.append(tree.query(beyond)[0] > room)
     if not ratios:
@@ -67,13 +63,10 @@ def of_walls(simulation: Simulated) -> Iterator[Finding]:
     )
 
 
-def _far_end(tree: cKDTree, x: np.ndarray, h: float, simulation: Simulated) -> np.ndarray:
+def _far_end(tree: cKDTree, x: np.ndarray, h: float, domain: Domain) -> np.ndarray:
     """Where the support h of fluid at x ends, towards the wall particles in it."""
-    domain = simulation.domain
     ends = np.empty_like(x)
     for k, rows in enumerate(tree.query_ball_point(x, h)):
-        offset = tree.data[rows] - x[k]
-        offset -= domain.lengths * np.rint(offset * domain.inverse_periods)
-        normal = offset.mean(axis=0)
+        normal = domain.shortest(tree.data[rows] - x[k]).mean(axis=0)
         ends[k] = x[k] + h * normal / max(np.linalg.norm(normal), 1e-300)
     return ends

@@ -12,7 +12,6 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from particell.geometry.domain import Domain
 from particell.operations.operation import Operation, When
@@ -161,17 +160,13 @@ def is_enclosed(domain: Domain, particles: Particles, mirrors: Sequence[Plane] =
     support = particles.host("support").astype(float)
     volume = particles.host("volume").astype(float)
     dim = domain.dim
-    periods = np.where(domain.periodic, domain.lengths, 0.0)
     shown, whose = points_with_images(mirrors, x, float(support.max()))
-    origin = np.where(domain.periodic, domain.lower, shown.min(axis=0))
-    places = shown - origin
-    places = np.where(domain.periodic, np.mod(places, np.where(periods > 0, periods, 1.0)), places)
-    tree = cKDTree(places, boxsize=periods)
+    tree = domain.tree(shown)
     ball = math.pi ** (dim / 2) / math.gamma(dim / 2 + 1)
 
     def filled(rows: np.ndarray) -> np.ndarray:
         rows = rows[:: max(1, len(rows) // SAMPLE)]
-        near = tree.query_ball_point(places[rows], support[rows])
+        near = tree.query_ball_point(tree.data[rows], support[rows])
         within = np.array([volume[whose[k]].sum() for k in near])
         return within / (ball * support[rows] ** dim)
 

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import math
 
+from numba import njit
+
 from particell.boundaries.wall_friction import slowed
 from particell.compute.loop import particle_loop
 from particell.laws.shifting import LARGEST
 from particell.materials import pressure_of
 
 
-@particle_loop
-def kick(i, v, a, wall_friction, dt, *, DIM, HELD):
-    """v += dt a, beside walls (``HELD``) dt (I + dt Γ)⁻¹ a: dt is half a step."""
+@njit(inline="always")
+def push(i, v, a, wall_friction, s, dt, DIM, HELD):
+    """v += dt a, beside walls (``HELD``) dt (I + s Γ)⁻¹ a."""
     if HELD:
         ay = a[i, 1] if DIM > 1 else 0.0
         az = a[i, 2] if DIM > 2 else 0.0
-        ax, ay, az = slowed(i, wall_friction, dt, a[i, 0], ay, az, DIM, HELD)
+        ax, ay, az = slowed(i, wall_friction, s, a[i, 0], ay, az, DIM, HELD)
         v[i, 0] += dt * ax
         if DIM > 1:
             v[i, 1] += dt * ay
@@ -25,6 +27,12 @@ def kick(i, v, a, wall_friction, dt, *, DIM, HELD):
     else:
         for d in range(DIM):
             v[i, d] += dt * a[i, d]
+
+
+@particle_loop
+def kick(i, v, a, wall_friction, dt, *, DIM, HELD):
+    """v += dt a, beside walls (``HELD``) dt (I + dt Γ)⁻¹ a: dt is half a step."""
+    push(i, v, a, wall_friction, dt, dt, DIM, HELD)
 
 
 @particle_loop
@@ -162,18 +170,7 @@ def predict(i, is_wall, slides, x, v, density, a, density_rate, wall_friction, d
         return
     for d in range(DIM):
         x[i, d] += dt * v[i, d]
-    if HELD:
-        ay = a[i, 1] if DIM > 1 else 0.0
-        az = a[i, 2] if DIM > 2 else 0.0
-        ax, ay, az = slowed(i, wall_friction, 0.5 * dt, a[i, 0], ay, az, DIM, HELD)
-        v[i, 0] += dt * ax
-        if DIM > 1:
-            v[i, 1] += dt * ay
-        if DIM > 2:
-            v[i, 2] += dt * az
-    else:
-        for d in range(DIM):
-            v[i, d] += dt * a[i, d]
+    push(i, v, a, wall_friction, 0.5 * dt, dt, DIM, HELD)
     if not is_wall[i]:
         density[i] += dt * density_rate[i]
 

@@ -12,6 +12,7 @@ molecular data. Comput. Phys. Commun. 185 (2014) 1546; nongnu.org/h5md/h5md.html
 
 from __future__ import annotations
 
+from importlib.metadata import version
 from pathlib import Path
 
 import h5py
@@ -74,11 +75,10 @@ def export_h5md(run: Recorded, path: str | Path) -> Path:
 
 
 def _write_head(file: h5py.File) -> None:
-    from particell import __version__
-
     head = file.create_group("h5md")
     head.attrs["version"] = np.array(VERSION, np.int64)
-    head.create_group("creator").attrs.update({"name": "Particell", "version": __version__})
+    creator = {"name": "Particell", "version": version("particell")}
+    head.create_group("creator").attrs.update(creator)
     head.create_group("author").attrs["name"] = "unknown"
 
 

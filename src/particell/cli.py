@@ -232,7 +232,6 @@ def plot(directory: Path, kind: str | None) -> int:
 @click.option(
     "--to", "kind", type=click.Choice(["vtkhdf", "h5md"]), default="vtkhdf", show_default=True
 )
-@click.option("--to", "kind", type=click.Choice(["vtkhdf", "h5md"]), default="vtkhdf")
 @click.option("--out", type=click.Path(path_type=Path), help="File (default: in DIRECTORY).")
 def export(directory: Path, kind: str, out: Path | None) -> int:
     """Export the run in DIRECTORY: for ParaView (vtkhdf, the default), or MDAnalysis (h5md)."""

@@ -9,7 +9,7 @@ Where a fluid fills the space between walls, its pressure is written as
 
 with f the body force per mass (gravity and buoyancy, along directions that are not periodic), e the
 direction in which it acts and w(s) the mean weight per volume of what is at s: at the start, and
-with fluids of several densities whenever the neighbour list is built. Pairs
+with fluids of several densities every few steps. Pairs
 exert :math:`P'` alone, and the exact gradient of :math:`P^H` acts on each particle,
 
 .. math::

@@ -14,7 +14,7 @@ velocity that belongs to the fluid and its resolution, and the same whatever ste
 
 The fluxes of mass, momentum and species relative to the particles, of order δv, are left out. The
 continuity equation therefore sees that particles crowd, but not that δv undoes it, and densities
-would grow without end: the scheme scales them at each build of the neighbour list so that Σ m/ρ
+would grow without end: the scheme scales them every few steps so that Σ m/ρ
 stays the volume that the fluid fills. (With the divergence of v + δv in the continuity equation
 volumes are kept too, but pressure then answers every shift by a flow: in the channel past a cell
 three spacings wide that made the velocity's error half as large again.)

@@ -4,8 +4,9 @@ Continuity integrates the density of each particle by its own neighbours, and no
 of the volumes m/ρ to the space that they fill: it drifts, by a percent or so in ten passages where
 particles move with v + δv (the rate of density sees that they crowd, not that δv undoes it) and
 as much in closed cavities in three dimensions. The mean pressure drifts with it, by c₀² times that,
-which resists shear (:mod:`particell.laws.pressure`). So all densities are scaled at each build of
-the neighbour list by the factor that gives the volume back.
+which resists shear (:mod:`particell.laws.pressure`). So all densities are scaled every few steps by
+the factor that gives the volume back: steps of the flow, since when neighbour lists are built
+depends on their skin, on which nothing else does.
 """
 
 from __future__ import annotations
@@ -19,6 +20,9 @@ from particell.compute.loop import particle_loop
 from particell.operations.operation import Operation, When
 from particell.operations.rest_pressure import is_enclosed
 from particell.state import State
+
+#: Steps from one correction to the next. Each is a sum that the host waits for.
+EVERY = 5
 
 
 @particle_loop
@@ -55,6 +59,8 @@ class KeptVolume(Operation):
         Whether walls have motions of their own, with which the space may change.
     """
 
+    every = EVERY
+
     def __init__(self, state: State, wanted: bool | None) -> None:
         self.wanted, self.walls_move = wanted, False
         self.drift = 0.0
@@ -74,10 +80,10 @@ class KeptVolume(Operation):
         self._scale = state.bind(scale_density)
 
     def acts(self) -> Mapping[When, Callable[[State], None]]:
-        """It measures at the start, and keeps at each build of the neighbour list."""
+        """It measures at the start, and keeps before densities are brought to a step's end."""
         if self.wanted is False:
             return {}
-        return {When.START: self.begin, When.LIST: self.keep}
+        return {When.START: self.begin, When.DRIFTED: self.keep}
 
     def begin(self, state: State) -> None:
         """Decide, where that was left open, and measure."""

@@ -29,6 +29,10 @@ SAMPLE = 1000
 PER_SPACING, MOST_PLACES = 4, 16384
 
 
+#: Steps from one table to the next, where tables follow fluids of several densities.
+EVERY = 10
+
+
 class RestPressure(Operation):
     """P^H of a set of particles, as arrays for loops; zero until :meth:`tabulate` finds one.
 
@@ -41,6 +45,8 @@ class RestPressure(Operation):
     contrast
         Whether there are fluids of several densities.
     """
+
+    every = EVERY
 
     def __init__(self, state: State, gravity: np.ndarray, contrast: bool) -> None:
         self.device, self.domain, self.particles = state.device, state.domain, state.particles
@@ -60,8 +66,8 @@ class RestPressure(Operation):
         }
 
     def acts(self) -> Mapping[When, Callable[[State], None]]:
-        """It tabulates at the start, and where fluids have moved when lists are built."""
-        return {When.BEGUN: lambda _: self.tabulate(), When.LIST: lambda _: self.follow()}
+        """It tabulates at the start, and every few steps where fluids may have moved."""
+        return {When.BEGUN: lambda _: self.tabulate(), When.DRIFTED: lambda _: self.follow()}
 
     def follow(self) -> None:
         """Tabulate anew, where what is at s may have become another fluid.

@@ -83,7 +83,7 @@ class TransportVelocity:
         P̄. ``"difference"``: P_j − P_i, without force where P is uniform, whatever the arrangement,
         and without that resistance, but conserving momentum only to the scheme's order.
     fixed_volume
-        Keep Σ m/ρ of the fluid, by scaling all densities at each build of the neighbour list
+        Keep Σ m/ρ of the fluid, by scaling all densities every few steps
         (:mod:`particell.operations.kept_volume`): for fluid that fills a closed or periodic space,
         whose mean pressure is arbitrary. Without it the density climbs by half a per cent or more
         in a cavity, which is a pressure of ρU²/2, enough to make slow parts of the flow solid (see

@@ -16,7 +16,7 @@ from particell import health, observers, snapshot
 from particell.averages import TimeAverage
 from particell.boundaries.mirror import mirrors_of
 from particell.boundaries.sponge import Sponge
-from particell.checks import checked
+from particell.checks import checked, positive
 from particell.chemistry.engine import Chemistry
 from particell.chemistry.reactions import Reaction
 from particell.chemistry.species import Species
@@ -50,6 +50,8 @@ def _of_clock(name: str, doc: str) -> Any:
         return getattr(self.system.clock, name)
 
     def write(self: Simulation, value: Any) -> None:
+        if name == "dt":
+            positive("dt", value)
         setattr(self.system.clock, name, value)
 
     return property(read, write, doc=doc)

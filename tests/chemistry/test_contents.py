@@ -74,3 +74,24 @@ def test_order_of_ids_within_a_group():
     made.chemistry.set_concentration("C", np.arange(6.0), group="b", by_id=True)
     found = made.chemistry.concentration("C", by_id=True)
     assert found == pytest.approx(np.r_[np.zeros(6), np.arange(6.0)], rel=1e-15)
+
+
+def test_what_was_read_beside_walls_can_be_put_back():
+    """Arrays of all particles, of which those of walls, which hold nothing, are left aside."""
+    box = pc.Domain((0, 0), (8, 4), periodic="x", depth=1.0)
+    water = pc.Fluid(1.0, 0.1, sound_speed=10.0)
+    phases = [pc.fluid(box, water, 1.0), *pc.channel_walls(box, water, 1.0, axis=1)]
+    species = [pc.Species("C", 0.0), pc.Species("M", 0.0, molecules=True)]
+    made = pc.Simulation(box, phases, pc.SDPD(reference_speed=0.1), species)
+    chemistry = made.chemistry
+    chemistry.set_concentration("C", lambda x: 1 + x[:, 0] + 10 * x[:, 1])
+    chemistry.set_count("M", lambda x: np.rint(x[:, 0] + 10 * x[:, 1]))
+    made.start()
+    for by_id in (False, True):
+        before = chemistry.concentration("C", by_id), chemistry.count("M", by_id)
+        chemistry.set_concentration("C", 2 * before[0], by_id=by_id)
+        chemistry.set_count("M", 2 * before[1], by_id=by_id)
+        assert chemistry.concentration("C", by_id) == pytest.approx(2 * before[0], rel=1e-15)
+        assert np.array_equal(chemistry.count("M", by_id), 2 * before[1])
+    with pytest.raises(pc.InputError, match=r"values of C = 'of shape \(5,\)'"):
+        chemistry.set_concentration("C", np.ones(5))

@@ -176,3 +176,24 @@ def test_what_is_infinite_stays_where_it_is(form):
     values = np.array([adds.get("total", 0.0) for adds in expected])
     np.testing.assert_allclose(found["total"], values, rtol=1e-12)
     assert 0 < np.isinf(values).sum() < n // 2
+
+
+class _Inverse(pc.Law):
+    """Whole negative powers of what vanishes: of distances in lanes that are empty, of a field."""
+
+    def pair(self, i, j, ij):
+        inside = ij.r < ij.support
+        return {"A_rate": where(inside, ij.r**-2 + ij.r**-1, 0.0), "B_rate": j.B**-1}
+
+
+@pytest.mark.parametrize("form", ["gather", "lanes"])
+def test_whole_negative_powers(form):
+    """As many as 1/r² + 1/r over neighbours of a lattice; 1/0 is infinite, and no exception."""
+    box = pc.Domain((0, 0), (8, 8), periodic="xy", depth=1.0)
+    scheme = pc.SDPD(support=1.2, more=[_Inverse()], fields=[pc.Field("A"), pc.Field("B")])
+    water = pc.Fluid(density=1.0, viscosity=0.1, sound_speed=10.0)
+    made = pc.Simulation(box, pc.fluid(box, water, 1.0), scheme, device=pc.Device(form=form))
+    with np.errstate(all="ignore"), pytest.raises(pc.RunError, match="B"):
+        made.advance(1)
+    assert made.particles.by_id("A_rate") == pytest.approx(np.full(64, 8.0))
+    assert np.isinf(made.particles.by_id("B")).all()

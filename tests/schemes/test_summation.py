@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import csv
 import itertools
+import math
 from importlib.resources import files
 
 import numpy as np
 import pytest
 
+import particell as pc
+from particell.errors import InputError
 from particell.kernels import CODES
 from particell.schemes.density_stages import SumDensity
 from particell.schemes.summation import (
@@ -155,3 +158,21 @@ def test_a_channel_has_the_fluid_s_density_and_no_pressure():
         asked = 1.0 if values is number else 0.0
         assert abs(blocks.mean() - asked) < aim + 5 * error
         assert 5 * error < 2.5 * aim
+
+
+@pytest.mark.parametrize("missing", ["fluid", "wall"])
+@pytest.mark.parametrize("density", ["summation", "continuity"])
+def test_noise_without_a_temperature_is_refused(missing, density):
+    box = pc.Domain((0, 0), (8, 6), periodic="x", depth=1.0)
+    cold, hot = unit_fluid(), unit_fluid(temperature=UNIT_TEMPERATURE)
+    inside, outside = (cold, hot) if missing == "fluid" else (hot, cold)
+    phases = [pc.fluid(box, inside, 1.0), *pc.channel_walls(box, outside, 1.0, axis=1)]
+    with pytest.raises(InputError, match="temperature = None is not allowed"):
+        pc.Simulation(box, phases, pc.SDPD(fluctuations=True, density=density))
+
+
+@pytest.mark.parametrize("dt", [-0.01, 0.0, math.nan, math.inf, "auto", None])
+def test_a_step_that_is_none_is_refused(dt):
+    simulation = periodic_lattice(8, 2)
+    with pytest.raises(InputError, match="dt = "):
+        simulation.dt = dt

@@ -89,7 +89,8 @@ class Contents:
         name
             The species.
         values
-            A number, an array for the particles concerned, or a function of their positions
+            A number, an array for the particles concerned or for all (of which the others' are left
+            aside: what :meth:`concentration` returns can be put back), or a function of positions
             (m, dim).
         group
             The particles concerned; by default all that hold the species.
@@ -237,10 +238,14 @@ class Contents:
             given = values(self.domain.wrapped(p.view("x")[chosen])[0])
         number = int(chosen.sum())
         try:
-            numbers = np.broadcast_to(np.asarray(given, float), (number,))
+            numbers = np.asarray(given, float)
+            if numbers.shape == (p.n,) and not callable(values):  # of all particles
+                return chosen, numbers[p.view("id") if by_id else slice(None)][chosen]
+            numbers = np.broadcast_to(numbers, (number,))
         except (TypeError, ValueError):
             allowed = f"a number, or {number} numbers, or a function that returns them"
-            raise InputError(f"values of {name}", given, allowed) from None
+            shown = f"of shape {np.shape(given)}" if isinstance(given, np.ndarray) else given
+            raise InputError(f"values of {name}", shown, allowed) from None
         if not by_id or callable(values):
             return chosen, numbers
         ids = p.view("id")[chosen]

@@ -169,6 +169,8 @@ class Writer:
         if node.op == "neg":
             return f"-{parts[0]}"
         if node.op == "**":
+            if parts[1].startswith("-"):  # Numba's whole powers of 0 raise, whatever they are told
+                return f"1.0 / {parts[0]} ** {parts[1][1:]}"
             return f"{parts[0]} ** {parts[1]}"
         if node.op == "where":
             return f"{parts[1]} if {parts[0]} else {parts[2]}"

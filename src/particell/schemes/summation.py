@@ -48,6 +48,7 @@ from typing import Any
 
 import numpy as np
 
+from particell.errors import InputError
 from particell.geometry.domain import Domain
 from particell.geometry.fill import lattice
 from particell.kernels import kernel_code, normalisation, power, shape_w
@@ -168,7 +169,9 @@ def disorder_of(
     kernel: str, support: float, dim: int, material: Fluid, mass: float
 ) -> tuple[Disorder, float]:
     """The table's entry for a fluid of particles of a mass in kg, and their θ."""
-    assert material.temperature is not None and material.sound_speed is not None
+    if material.temperature is None:
+        raise InputError("temperature", None, "given for every material, with noise")
+    assert material.sound_speed is not None
     theta = asked = BOLTZMANN * material.temperature / (mass * material.sound_speed**2)
     for _ in range(20):  # θ is that of the particles: a contraction, K hardly depends on it
         found = disorder(kernel, support, dim, theta)

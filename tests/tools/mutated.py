@@ -54,7 +54,8 @@ TESTS = {
     "chemistry/test_running_out.py",
     "chemistry/integrators": "chemistry/test_error_control.py "
     "chemistry/test_reactions_in_particles.py chemistry/test_species_reactions.py",
-    "chemistry/jumprates": "chemistry/test_exchange.py chemistry/test_transport.py",
+    "chemistry/jumprates": "chemistry/test_exchange.py chemistry/test_flux_walls.py "
+    "chemistry/test_transport.py",
     "chemistry/jumps": "chemistry/test_binomial.py chemistry/test_exchange.py "
     "chemistry/test_transport.py",
     "chemistry/lawcode": "chemistry/test_lawcode.py",

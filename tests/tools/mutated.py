@@ -49,7 +49,7 @@ TESTS = {
     "chemistry/crossings": "chemistry/test_crossings.py",
     "chemistry/exchange": "chemistry/test_exchange.py chemistry/test_flux_walls.py",
     "chemistry/fluxes": "chemistry/test_flux_walls.py",
-    "chemistry/formula": "chemistry/test_lawcode.py chemistry/test_sbml_core.py",
+    "chemistry/formula": "chemistry/test_lawcode.py chemistry/test_species_reactions.py",
     "chemistry/hybrid": "chemistry/test_mixed_reactions.py chemistry/test_coupling.py "
     "chemistry/test_running_out.py",
     "chemistry/integrators": "chemistry/test_error_control.py "

@@ -3,6 +3,7 @@
 #   make demo     the yeast channel, with trajectory, figures and summary in out/yeast
 #   make test     lint, types and tests
 #   make test-long  further variants of the tests, which take long
+#   make coverage   the tests, and the share of the lines of Python that they run
 #   make docs     this program's documentation, as a web site in site/
 #   make notebooks   executes the notebooks in docs/notebooks and keeps what they show
 #   make clean    removes what these targets have made
@@ -19,7 +20,7 @@ PYTEST_FLAGS ?= -n auto --maxprocesses 4 --dist worksteal
 BIN = $(VENV)/bin
 PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: demo test test-long lint types tests docs docs-tools notebooks clean
+.PHONY: demo test test-long lint types tests coverage docs docs-tools notebooks clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/.run
@@ -39,6 +40,12 @@ tests: $(VENV)/.test
 
 test-long: $(VENV)/.test
 	$(BIN)/python -m pytest $(PYTEST_FLAGS) -m long
+
+coverage: $(VENV)/.test
+	rm -rf .cache/coverage && mkdir -p .cache/coverage
+	$(BIN)/python -m coverage run -m pytest $(PYTEST_FLAGS)
+	$(BIN)/python -m coverage combine --quiet
+	$(BIN)/python -m coverage report
 
 docs: $(VENV)/.docs
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict --site-dir "$(abspath $(SITE))"

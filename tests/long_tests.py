@@ -90,7 +90,6 @@ LONG = (
     "_plates[3.0-wendland",
     "tests/test_averages.py::test_uniform_flow_to_round_off_wherever_the_particles_are",
     "tests/test_cli.py::test_bench_measures_all_that_it_names[2D and 3D]",
-    "tests/test_kills.py::test_twenty_random_kills[channel.toml]",
     "tests/test_memory_order.py::test_same_bits_for_any_order_in_memory[mirrored",
     "tests/test_notebooks.py::test_executes[case-and-results]",
     "tests/test_notebooks.py::test_executes[molecules]",

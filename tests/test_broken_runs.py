@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-
 import numpy as np
 import pytest
 
@@ -16,11 +14,6 @@ from particell.observers import CHUNK
 from particell.output.checkpoint import read_checkpoint
 from particell.output.run import Run
 from systems import periodic_lattice, same_bits, unit_fluid
-
-#: For what compiles long.
-long = pytest.mark.skipif(
-    not os.environ.get("PARTICELL_FAULTS"), reason="PARTICELL_FAULTS is not set"
-)
 
 SCHEMES = {
     "SDPD": {},
@@ -67,7 +60,7 @@ class Damage:
         return False
 
 
-@long
+@pytest.mark.long  # to compile
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_nan_in_any_field(scheme, tmp_path):
     """Found within the interval of checks, or without effect where the field is made anew."""
@@ -100,7 +93,7 @@ def test_nan_in_any_field(scheme, tmp_path):
     assert found["amount"].field == "amount" and found["mass"].field == "mass"
 
 
-@long
+@pytest.mark.long  # to compile
 def test_a_broken_run_goes_on_to_the_same_bits(tmp_path):
     """The checkpoint that is kept is that of the frame before, without the NaN."""
     whole = simulation("SDPD")

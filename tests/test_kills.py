@@ -1,7 +1,7 @@
 """A run that is killed at any moment goes on to the same bits; so does one that met a full disk.
 
-Always with a case that computes nothing, so that all the time is spent in writing; with
-``PARTICELL_FAULTS=1`` also with flow between walls, concentrations and molecules (five minutes).
+Always with a case that computes nothing, so that all the time is spent in writing; among the long
+tests also with flow between walls, concentrations and molecules (five minutes).
 """
 
 from __future__ import annotations
@@ -117,10 +117,10 @@ def flatten(value: object, path: str, found: dict[str, bytes]) -> None:
         )
 
 
-@pytest.fixture(scope="module", params=["walk", "channel.toml"])
+@pytest.fixture(
+    scope="module", params=["walk", pytest.param("channel.toml", marks=pytest.mark.long)]
+)
 def killer(request, tmp_path_factory):
-    if request.param != "walk" and not os.environ.get("PARTICELL_FAULTS"):
-        pytest.skip("PARTICELL_FAULTS is not set")
     made = Killer(tmp_path_factory.mktemp("kills"), request.param)
     yield made
     made.process.stdin.close()

@@ -108,6 +108,7 @@ FLOW = {
     "a field more": _put("fields", "y", value=np.zeros(64)),
     "another list": _put("neighbours", value={}),
     "places of the list without end": _put("neighbours", "x_built", value=np.full((64, 2), np.inf)),
+    "places of the list far away": _put("neighbours", "x_built", value=np.full((64, 2), 1e300)),
     "places of another list": _put("neighbours", "x_built", value=np.zeros((63, 2))),
     "builds below zero": _put("neighbours", "builds", value=-1),
     "a step below zero": _put("clock", "step", value=-1),

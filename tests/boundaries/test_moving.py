@@ -81,16 +81,22 @@ def test_a_ball_turns_about_an_axis():
 
 
 def test_functions_of_time_are_differentiated():
-    """Displacement 0.3 sin(2t) and angle 0.2 (1 − cos 3t): velocity and acceleration."""
+    """Displacement 0.3 sin(2t) and angle 0.2 (1 − cos 3t): velocity and acceleration.
+
+    They count from their values at t = 0, which here are not 0.
+    """
     motion = pc.WallMotion(
         "disc",
         centre=(8.0, 8.0),
-        displacement=lambda t: np.array([0.3 * np.sin(2 * t), 0.0]),
-        angle=lambda t: 0.2 * (1 - np.cos(3 * t)),
+        displacement=lambda t: np.array([0.4 + 0.3 * np.sin(2 * t), -0.1]),
+        angle=lambda t: 0.7 + 0.2 * (1 - np.cos(3 * t)),
     )
     t = 0.37
     state = motion.state(t, 0.01, 2)
-    assert state["displacement"][0] == pytest.approx(0.3 * np.sin(2 * t), abs=1e-14)
+    assert state["displacement"] == pytest.approx([0.3 * np.sin(2 * t), 0.0], abs=1e-14)
+    angle = 0.2 * (1 - np.cos(3 * t))
+    turned = [np.cos(angle), -np.sin(angle), np.sin(angle), np.cos(angle)]
+    assert state["rotation"] == pytest.approx(turned, abs=1e-14)
     assert state["body_velocity"][0] == pytest.approx(0.6 * np.cos(2 * t), rel=1e-5)
     assert state["body_acceleration"][0] == pytest.approx(-1.2 * np.sin(2 * t), rel=1e-5)
     assert state["spin"][2] == pytest.approx(0.6 * np.sin(3 * t), rel=1e-4)

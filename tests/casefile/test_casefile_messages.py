@@ -10,6 +10,7 @@ from case_files import case, changed, document, small
 
 from particell.casefile.case import FileCase
 from particell.cases.base import Context
+from particell.cases.files import MOST_BYTES, read_case_file
 from particell.cli import call
 from particell.errors import InputError
 
@@ -292,3 +293,12 @@ def test_schema_knows_every_table():
     assert json.dumps(schema)
     assert schema["additionalProperties"] is False
     assert {"domain", "phases", "scheme", "run"} <= set(schema["required"])
+
+
+def test_a_file_larger_than_anybody_writes_is_not_read(tmp_path):
+    path = tmp_path / "large.toml"
+    path.write_bytes(b"#" * MOST_BYTES)
+    assert read_case_file(path) == (FileCase, {"name": "large"})
+    path.write_bytes(b"#" * (MOST_BYTES + 1))
+    with pytest.raises(InputError, match=f"a file of at most {MOST_BYTES} bytes"):
+        read_case_file(path)

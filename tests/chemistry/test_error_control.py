@@ -9,6 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
+from particell.chemistry.integrators import rate_slope, reaction_rate
 from particell.chemistry.reactions import Reaction
 from particell.chemistry.species import Species
 
@@ -140,3 +141,25 @@ def test_what_has_gone_costs_nothing(lattice):
         assert (chem.concentration("A") == 0).all()
         assert chem.substeps == len(start) - 1
     np.testing.assert_allclose(chem.concentration("B"), np.exp(-0.3), rtol=1e-6)
+
+
+@pytest.mark.parametrize("law", [0, 1])
+def test_slopes_of_rates_are_their_derivatives(law):
+    """Against central differences; of rate laws also where what they take nearly runs out.
+
+    A wrong slope would only show in the number of sub-steps.
+    """
+    edge, k = 1e-3, 2.0
+    w = edge * np.array([0.3, 2.0, 5.0])
+    reactants, net = np.array([[0, 0, 1]]), np.array([[-2.0, -1.0, 1.0]])
+    given = reactants, net, np.array([law]), lambda which, c, k: k * (1 + 300 * c[0] * c[1])
+
+    def rate(c):
+        return reaction_rate.py_func(0, c, 0, 3, k, edge, *given)
+
+    for s in range(3):
+        step = np.eye(3)[s] * 1e-4 * edge
+        expected = (rate(w + step) - rate(w - step)) / (2e-4 * edge)
+        slope = rate_slope.py_func(0, s, np.array(w), 3, k, edge, 1e-6 * edge, *given)
+        assert slope == pytest.approx(expected, rel=1e-6, abs=1e-9)
+        assert (slope != 0) == (s < 2)

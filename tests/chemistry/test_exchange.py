@@ -67,6 +67,29 @@ def test_both_forms_agree(layer):
     in_both_forms(layer, jump_rates(2, 0, groups, True, False), walks._fields, written)
 
 
+def test_moments_are_right_where_two_spacings_meet():
+    """Σ w x xᵀ / 2ΣV = 1 to what regularisation leaves (7e-5), at the mean support of each pair."""
+    box, unit = pc.Domain((0, 0), (10, 10), periodic="xy", depth=1.0), unit_fluid()
+    random, phases = np.random.default_rng(1), []
+    for spacing, start in ((1.0, 0), (1.25, 5)):
+        part = pc.Domain((start, 0), (start + 5, 10), depth=1.0)
+        points = pc.lattice(part, spacing)
+        points += random.uniform(-0.15, 0.15, points.shape)
+        phases.append(pc.Phase(f"at {start}", unit, points, spacing**2, spacing=spacing))
+    simulation = pc.Simulation(
+        box, phases, pc.Static(support=3.0), [pc.Species("A", 1.0)], normalise_diffusion=True
+    )
+    simulation.advance(1)
+    given = simulation.chemistry._exchanges[0]._all
+    assert np.ptp(given["support"]) > 0.5
+    moments = np.zeros((2, 2))
+    for i, (first, stop) in enumerate(zip(given["start"], given["stop"], strict=True)):
+        offset = given["x"][i] - given["x"][given["neighbours"][first:stop]]
+        offset -= 10 * np.rint(offset / 10)
+        moments += np.einsum("k,ka,kb->ab", given["exchange"][first:stop], offset, offset)
+    assert moments / (2 * 100) == pytest.approx(np.eye(2), abs=2e-4)
+
+
 def test_walls_of_species_are_walls():
     box = pc.Domain((0, 0), (8, 8), periodic="xy", depth=1.0)
     inside = pc.fluid(box, unit_fluid(), 1.0)

@@ -2,12 +2,24 @@
 
 from __future__ import annotations
 
+import math
+import re
+
 import numpy as np
 import pytest
 
 import particell as pc
 from particell.chemistry import lawcode
-from particell.chemistry.formula import Call, Number, Operation, Symbol, call, extent, operation
+from particell.chemistry.formula import (
+    FUNCTIONS,
+    Call,
+    Number,
+    Operation,
+    Symbol,
+    call,
+    extent,
+    operation,
+)
 from particell.chemistry.lawcode import Law, dispatcher
 from particell.chemistry.polynomials import MOST_TERMS, polynomial, split
 from particell.compute import cache
@@ -187,3 +199,17 @@ def test_more_species_than_anybody_has():
     phase = pc.fluid(box, pc.Fluid(1.0, 0.1, sound_speed=1.0), 1.0)
     with pytest.raises(InputError, match=r"number of species = 1001 .* at most 1000"):
         pc.Simulation(box, phase, pc.Static(), many)
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_a_function_s_code_is_its_value_and_takes_as_many_arguments(name):
+    function = FUNCTIONS[name]
+    places = {int(place) for place in re.findall(r"{(\d)}", function.code)}
+    assert places == set(range(function.arguments))
+    first = 1.3 if name == "arccosh" else 0.3
+    for given in ((first, 0.7, 0.9), (first, 0.0, 0.2), (first, first, first)):
+        code = function.code.format(*map(repr, given))
+        value = function.value(*given[: function.arguments])
+        found = eval(code, {"math": math})
+        found = bool(found) if function.condition else found
+        assert found == pytest.approx(float(value), rel=1e-14)

@@ -102,6 +102,15 @@ def test_names_and_kinds_are_checked():
         build([a], [], [Reservoir("fluid", {"A": 1.0}), Reservoir("fluid", {"A": 2.0})])
 
 
+def test_numbers_of_species_and_reactions_are_limited():
+    species = [Species(f"A{k}") for k in range(1001)]
+    with pytest.raises(InputError, match=r"number of species = 1001.*at most 1000"):
+        build(species)
+    reactions = [Reaction("A0 -> 0", forward=1.0)] * 10_001
+    with pytest.raises(InputError, match=r"number of reactions = 10001.*at most 10000"):
+        build(species[:1000], reactions)
+
+
 def test_tables():
     species = [
         Species("L", {"fluid": 2.0, "membrane": 1.0}),

@@ -55,7 +55,10 @@ class Workshop:
                 if not copy.is_file() or copy.read_bytes() != path.read_bytes():
                     copy.parent.mkdir(parents=True, exist_ok=True)
                     shutil.copy2(path, copy)
-        shutil.copy2(ROOT / "pyproject.toml", self.directory)
+        for path in ROOT.iterdir():  # pages, examples, settings: as they are
+            link = self.directory / path.name
+            if not path.name.startswith(".") and not link.exists():
+                link.symlink_to(path)
 
     def run(self, tests: list[str], limit: float | None = None) -> tuple[str, str, float]:
         """Outcome of tests, which of them failed, and seconds."""

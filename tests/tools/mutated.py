@@ -30,7 +30,7 @@ TESTS = {
     "laws/hydrostatics": "physics/test_hydrostatic_rest.py",
     "laws/shifting": "laws/test_shifting.py laws/test_images.py laws/test_transport_velocity.py",
     "laws/species_flux": "laws/test_laws.py laws/test_species_flux.py",
-    "laws/tensors": "chemistry/test_exchange.py chemistry/test_transport.py",
+    "laws/tensors": "laws/test_tensors.py chemistry/test_exchange.py",
     "laws/transport_velocity": "laws/test_images.py laws/test_transport_velocity.py",
     "laws/wall_pressure": "laws/test_images.py boundaries/test_wall.py",
     "boundaries/impenetrable": "boundaries/test_impenetrable.py",
@@ -54,7 +54,8 @@ TESTS = {
     "chemistry/test_running_out.py",
     "chemistry/integrators": "chemistry/test_error_control.py "
     "chemistry/test_reactions_in_particles.py chemistry/test_species_reactions.py",
-    "chemistry/jumprates": "chemistry/test_exchange.py chemistry/test_transport.py",
+    "chemistry/jumprates": "chemistry/test_exchange.py chemistry/test_flux_walls.py "
+    "chemistry/test_transport.py",
     "chemistry/jumps": "chemistry/test_binomial.py chemistry/test_exchange.py "
     "chemistry/test_transport.py",
     "chemistry/lawcode": "chemistry/test_lawcode.py",

@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from particell.chemistry.integrators import rate_slope, reaction_rate
+from particell.chemistry.rates import rate_slope, reaction_rate
 from particell.chemistry.reactions import Reaction
 from particell.chemistry.species import Species
 

@@ -47,6 +47,8 @@ TESTS = {
     "chemistry/binomial": "chemistry/test_binomial.py chemistry/test_crossings.py",
     "chemistry/contents": "chemistry/test_contents.py",
     "chemistry/crossings": "chemistry/test_crossings.py",
+    "chemistry/diffusion": "chemistry/test_exchange.py chemistry/test_flux_walls.py "
+    "chemistry/test_transport.py",
     "chemistry/exchange": "chemistry/test_exchange.py chemistry/test_flux_walls.py",
     "chemistry/fluxes": "chemistry/test_flux_walls.py",
     "chemistry/formula": "chemistry/test_lawcode.py chemistry/test_species_reactions.py",
@@ -54,12 +56,16 @@ TESTS = {
     "chemistry/test_running_out.py",
     "chemistry/integrators": "chemistry/test_error_control.py "
     "chemistry/test_reactions_in_particles.py chemistry/test_species_reactions.py",
+    "chemistry/joint": "chemistry/test_mixed_reactions.py chemistry/test_coupling.py "
+    "chemistry/test_running_out.py",
     "chemistry/jumprates": "chemistry/test_exchange.py chemistry/test_flux_walls.py "
     "chemistry/test_transport.py",
     "chemistry/jumps": "chemistry/test_binomial.py chemistry/test_exchange.py "
     "chemistry/test_transport.py",
     "chemistry/lawcode": "chemistry/test_lawcode.py",
     "chemistry/polynomials": "chemistry/test_lawcode.py",
+    "chemistry/rates": "chemistry/test_error_control.py "
+    "chemistry/test_reactions_in_particles.py chemistry/test_mixed_reactions.py",
     "chemistry/reservoirs": "chemistry/test_flux_walls.py chemistry/test_transport.py",
     "chemistry/sbml": "chemistry/test_sbml_core.py chemistry/test_sbml.py",
     "chemistry/ssa": "chemistry/test_reactions_in_particles.py chemistry/test_splitting.py "

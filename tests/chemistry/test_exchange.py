@@ -80,7 +80,7 @@ def test_moments_are_right_where_two_spacings_meet():
         box, phases, pc.Static(support=3.0), [pc.Species("A", 1.0)], normalise_diffusion=True
     )
     simulation.advance(1)
-    given = simulation.chemistry._exchanges[0]._all
+    given = simulation.chemistry._diffusion.exchanges[0]._all
     assert np.ptp(given["support"]) > 0.5
     moments = np.zeros((2, 2))
     for i, (first, stop) in enumerate(zip(given["start"], given["stop"], strict=True)):

@@ -11,6 +11,8 @@ IN_SPACE = [
     for scheme in ("sdpd", "transport velocity")
 ]
 LONG = (
+    "tests/cases/test_annihilation_1d.py::test_a_run_to_the_steady_state",
+    "tests/physics/test_hydrostatic_rest.py::test_where_a_dissolved_species_is_what_weighs[Transport",
     "tests/boundaries/test_impenetrable.py::test_nothing_is_ever_inside_walls_at_rest[slab-Transport",
     "tests/boundaries/test_impenetrable.py::test_nothing_is_ever_inside_walls_that_move_in_space[plate",
     "tests/boundaries/test_mirror.py::test_the_profile_of_half_a_channel",
@@ -26,7 +28,15 @@ LONG = (
     "tests/compute/test_cuda_list.py::test_lists_of_a_gpu[decisions",
     *(
         f"tests/compute/test_cuda_simulator.py::test_cuda_gives_what_the_cpu_gives[{system}]"
-        for system in ("noisy", "hot_walls_in_space", "trapezoidal", "species", "plates", "mirror")
+        for system in (
+            "noisy",
+            "hot_walls",
+            "hot_walls_in_space",
+            "trapezoidal",
+            "species",
+            "plates",
+            "mirror",
+        )
     ),
     "tests/laws/test_images.py::test_a_mirror[1]",
     "tests/laws/test_images.py::test_a_mirror[3]",
@@ -89,7 +99,7 @@ LONG = (
     "tests/schemes/test_transport_velocity_scheme.py::test_normalised_viscosity_is_exact_between"
     "_plates[3.0-wendland",
     "tests/test_averages.py::test_uniform_flow_to_round_off_wherever_the_particles_are",
-    "tests/test_cli.py::test_bench_measures_all_that_it_names[2D and 3D]",
+    "tests/test_cli.py::test_bench_measures_all_that_it_names",
     "tests/test_memory_order.py::test_same_bits_for_any_order_in_memory[mirrored",
     "tests/test_notebooks.py::test_executes[case-and-results]",
     "tests/test_notebooks.py::test_executes[molecules]",

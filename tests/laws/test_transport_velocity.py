@@ -382,7 +382,6 @@ def test_pressure_differences_on_a_lattice_are_the_gradient():
 def test_fixed_volume_keeps_the_volume_of_the_fluid():
     simulation = system(2, 10, fixed_volume=True)
     p = simulation.particles
-    simulation.solver.build_list()
     assert (p.host("mass") / p.host("density")).sum() == pytest.approx(100.0, rel=1e-12)
     with pytest.raises(InputError, match="pressure_force"):
         TransportVelocity(pressure_force="both")

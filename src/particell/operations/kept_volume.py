@@ -86,7 +86,9 @@ class KeptVolume(Operation):
         return {When.START: self.begin, When.DRIFTED: self.keep}
 
     def begin(self, state: State) -> None:
-        """Decide, where that was left open, and measure."""
+        """Decide, where that was left open, and measure; or begin with the volume asked for."""
+        if self.wanted:
+            self.keep(state)
         if self.wanted is not None or self.walls_move or not _walls_stay(state):
             return
         if is_enclosed(state.domain, state.particles, state.mirrors):

@@ -91,6 +91,7 @@ def metrics(case: Channel, run: Run) -> dict[str, Metric]:
     found: dict[str, Metric] = {}
     largest = LIMIT if case.as_reference else None
     table = reference.load("yeast_channel_centreline")
+    outside = np.abs(table["x_star"] - case.position / case.height) > case.radius / case.height
     for star in TIMES:
         if star > case.end * (1 + 1e-9):
             continue
@@ -99,7 +100,8 @@ def metrics(case: Channel, run: Run) -> dict[str, Metric]:
             limit = largest if kind == "concentrations" else None
             _, ligand = centreline(case, run, f"concentration/L{suffix}", frame)
             expected = table[time_column("L", star)]
-            good = np.isfinite(expected)
+            # within the cell, particles say where the membrane ends: to a spacing
+            good = np.isfinite(expected) & (outside | np.isfinite(ligand))
             error = relative_l2(ligand[good] / case.concentration, expected[good])
             found[f"L_centreline_{kind}_t{star:g}"] = Metric(error, limit=limit)
             angle, bound = around_membrane(case, run, f"concentration/RL{suffix}", frame)
@@ -110,7 +112,6 @@ def metrics(case: Channel, run: Run) -> dict[str, Metric]:
             found[f"RL_chi2_t{star:g}"] = _molecules_against_concentrations(run, frame)
     frame = len(run) - 1
     _, speed = centreline(case, run, "velocity", frame)
-    outside = np.abs(table["x_star"] - case.position / case.height) > case.radius / case.height
     found["u_centreline"] = Metric(
         relative_l2(speed[outside] / case.mean_velocity, table["u"][outside]), limit=largest
     )

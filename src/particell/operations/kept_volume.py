@@ -5,8 +5,8 @@ of the volumes m/ρ to the space that they fill: it drifts, by a percent or so i
 particles move with v + δv (the rate of density sees that they crowd, not that δv undoes it) and
 as much in closed cavities in three dimensions. The mean pressure drifts with it, by c₀² times that,
 which resists shear (:mod:`particell.laws.pressure`). So all densities are scaled every few steps by
-the factor that gives the volume back: steps of the flow, since when neighbour lists are built
-depends on their skin, on which nothing else does.
+the factor that gives the volume back: steps of the flow, not builds of the neighbour list, since
+these depend on its skin, and results do not.
 """
 
 from __future__ import annotations

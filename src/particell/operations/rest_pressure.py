@@ -27,8 +27,6 @@ LOOSE = 0.01
 SAMPLE = 1000
 #: Places of the table in a particle spacing, so that layers are told apart, and at most.
 PER_SPACING, MOST_PLACES = 4, 16384
-
-
 #: Steps from one table to the next, where tables follow fluids of several densities.
 EVERY = 10
 

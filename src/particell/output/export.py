@@ -11,6 +11,8 @@ VTKHDF format specification, docs.vtk.org/en/latest/vtk_file_formats/vtkhdf_file
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import h5py
@@ -47,29 +49,44 @@ def export_vtkhdf(run: Recorded, path: str | Path) -> Path:
     OutputError
         Where the file cannot be written.
     """
-    path = Path(path)
-    frames = len(run)
-    if not frames:
-        raise InputError("run", str(run.directory), "a run with at least one frame")
-    n = len(run.static["group"])
+    frames, n = len(run), len(run.static["group"])
     # vectors get three components
     stored = map(run.source.shape, run.field_names)
     sizes = [3 * int(np.prod(shape)) * dtype.itemsize for shape, dtype in stored]
     sizes += [values.nbytes for values in run.static.values()]
-    reserve(path, sum(sizes) + 16 * n + SLACK_EACH * len(sizes) + 2 * SLACK)
+    needed = sum(sizes) + 16 * n + SLACK_EACH * len(sizes) + 2 * SLACK
+    with exported(run, path, needed) as file:
+        root = file.create_group("VTKHDF", track_order=True)
+        root.attrs["Version"] = np.array(VERSION, np.int64)
+        # The reader wants a string of fixed length in ASCII.
+        root.attrs.create("Type", np.bytes_("PolyData"), dtype="S8")
+        _write_cells(root, n)
+        _write_fields(root, run, frames, n)
+        _write_steps(root, run.times[:frames], n)
+    return Path(path)
+
+
+@contextmanager
+def exported(run: Recorded, path: str | Path, needed: int) -> Iterator[h5py.File]:
+    """An HDF5 file of ``needed`` bytes to write a run to, which is there when it is whole.
+
+    Raises
+    ------
+    InputError
+        Where the run has no frame.
+    OutputError
+        Where the file cannot be written.
+    """
+    if not len(run):
+        raise InputError("run", str(run.directory), "a run with at least one frame")
+    path = Path(path)
+    reserve(path, needed)
     with replacing(path) as partial:
         try:
             with h5py.File(partial, "w") as file:
-                root = file.create_group("VTKHDF", track_order=True)
-                root.attrs["Version"] = np.array(VERSION, np.int64)
-                # The reader wants a string of fixed length in ASCII.
-                root.attrs.create("Type", np.bytes_("PolyData"), dtype="S8")
-                _write_cells(root, n)
-                _write_fields(root, run, frames, n)
-                _write_steps(root, run.times[:frames], n)
+                yield file
         except (OSError, RuntimeError) as error:
             raise OutputError(f"cannot write {path}: {reason(error)}") from error
-    return path
 
 
 def _write_cells(root: h5py.Group, n: int) -> None:

@@ -18,9 +18,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from particell.errors import InputError
-from particell.output.export import three_columns
-from particell.output.files import SLACK, OutputError, reason, replacing, reserve
+from particell.output.export import exported, three_columns
+from particell.output.files import SLACK
 from particell.output.recorded import Recorded
 
 #: Lengths in the file, in m.
@@ -54,24 +53,15 @@ def export_h5md(run: Recorded, path: str | Path) -> Path:
     OutputError
         Where the file cannot be written.
     """
-    path = Path(path)
-    frames = len(run)
-    if not frames:
-        raise InputError("run", str(run.directory), "a run with at least one frame")
-    n = len(run.static["group"])
-    reserve(path, 2 * 3 * 8 * frames * n + 2 * SLACK)
-    with replacing(path) as partial:
-        try:
-            with h5py.File(partial, "w") as file:
-                _write_head(file)
-                particles = file.create_group("particles/trajectory")
-                _write_box(particles, run, frames)
-                _write_series(particles, run, "position", "nm", NANOMETRE, frames, n)
-                if "velocity" in run.field_names:
-                    _write_series(particles, run, "velocity", "m s-1", 1.0, frames, n)
-        except (OSError, RuntimeError) as error:
-            raise OutputError(f"cannot write {path}: {reason(error)}") from error
-    return path
+    frames, n = len(run), len(run.static["group"])
+    with exported(run, path, 2 * 3 * 8 * frames * n + 2 * SLACK) as file:
+        _write_head(file)
+        particles = file.create_group("particles/trajectory")
+        _write_box(particles, run, frames)
+        _write_series(particles, run, "position", "nm", NANOMETRE, frames, n)
+        if "velocity" in run.field_names:
+            _write_series(particles, run, "velocity", "m s-1", 1.0, frames, n)
+    return Path(path)
 
 
 def _write_head(file: h5py.File) -> None:

@@ -87,3 +87,18 @@ def test_not_where_walls_move_by_themselves():
     simulation = cavity(pc.TransportVelocity(), dim=2, boundaries=[lid])
     simulation.advance(2)
     assert simulation.solver.flow.kept_volume.volume == 0.0
+
+
+@pytest.mark.parametrize("steps", [5, 7])
+def test_a_continuation_puts_right_in_the_same_steps(steps):
+    """Where the volume at the reference density is kept: it is not put right by going on."""
+    whole, first, second = (
+        cavity(pc.TransportVelocity(fixed_volume=True), dim=2) for _ in range(3)
+    )
+    whole.advance(steps + 6)
+    first.advance(steps)
+    second.restore(first.state())
+    second.advance(6)
+    assert second.conservation() == whole.conservation()
+    for name in ("x", "v", "density", "pressure"):
+        assert np.array_equal(second.particles.by_id(name), whole.particles.by_id(name)), name
